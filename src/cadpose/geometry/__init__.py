@@ -1,0 +1,1 @@
+"""Angles, frames, cameras and boxes: numpy only, one convention (docs/conventions.md)."""

@@ -1,0 +1,1 @@
+"""The CAD catalogue: importers, meshes, surface samples and the class map."""

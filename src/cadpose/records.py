@@ -1,0 +1,314 @@
+"""The records that the stages hand to one another: frozen, validated on construction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cadpose.geometry.angles import (
+    angles_from_rotation,
+    geodesic_degrees,
+    rotation_from_angles,
+    wrap180,
+    wrap360,
+)
+from cadpose.geometry.boxes import Box
+from cadpose.geometry.camera import T_Z, Cameras
+from cadpose.geometry.frames import FloatArray
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """A decoded photograph, EXIF orientation already applied.
+
+    Attributes:
+        rgb: (H, W, 3) uint8 sRGB, at least 1 x 1.
+        name: What to call it in messages and file names: the path as the user gave it.
+        sha256: Hex digest of the file's bytes, or of the pixels where there was no file.
+        focal_35mm: EXIF's 35 mm equivalent focal length, if told.
+    """
+
+    rgb: NDArray[np.uint8]
+    name: str = "photo"
+    sha256: str = ""
+    focal_35mm: float | None = None
+
+    def __post_init__(self) -> None:
+        rgb = np.ascontiguousarray(self.rgb)
+        if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3 or 0 in rgb.shape:
+            raise ValueError(f"Photo.rgb must be (H, W, 3) uint8, got {rgb.shape} {rgb.dtype}")
+        rgb.setflags(write=False)
+        object.__setattr__(self, "rgb", rgb)
+
+    @property
+    def width(self) -> int:
+        """Width in pixels."""
+        return int(self.rgb.shape[1])
+
+    @property
+    def height(self) -> int:
+        """Height in pixels."""
+        return int(self.rgb.shape[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Rotation:
+    """Azimuth in [0, 360), elevation in [-90, 90], in-plane rotation in (-180, 180], in degrees.
+
+    Azimuth and in-plane rotation are wrapped into their range on construction.
+
+    Raises:
+        ValueError: an angle is not finite or the elevation is out of range.
+    """
+
+    azimuth: float
+    elevation: float
+    inplane: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not np.isfinite((self.azimuth, self.elevation, self.inplane)).all():
+            raise ValueError("a rotation's angles must be finite")
+        if not -90.0 <= self.elevation <= 90.0:
+            raise ValueError(f"elevation {self.elevation} is outside [-90, 90] degrees")
+        object.__setattr__(self, "azimuth", float(wrap360(self.azimuth)))
+        object.__setattr__(self, "elevation", float(self.elevation))
+        object.__setattr__(self, "inplane", float(wrap180(self.inplane)))
+
+    @classmethod
+    def from_matrix(cls, R_cv_from_s: FloatArray) -> Rotation:
+        """From a (3, 3) rotation, ShapeNet axes to OpenCV camera."""
+        azimuth, elevation, inplane = angles_from_rotation(R_cv_from_s)
+        return cls(float(azimuth), float(np.clip(elevation, -90.0, 90.0)), float(inplane))
+
+    def to_matrix(self) -> FloatArray:
+        """(3, 3) rotation, ShapeNet axes to OpenCV camera."""
+        return rotation_from_angles(self.azimuth, self.elevation, self.inplane)
+
+    def error_to(self, other: Rotation) -> float:
+        """Geodesic angle to another rotation, degrees."""
+        return float(geodesic_degrees(self.to_matrix(), other.to_matrix()))
+
+
+@dataclass(frozen=True, slots=True)
+class RotationHypothesis:
+    """One answer of a rotation estimator.
+
+    Attributes:
+        rotation: The three angles.
+        score: Higher is better; comparable within one photo only.
+        probability: Share of this hypothesis among those returned, in [0, 1]; not calibrated.
+    """
+
+    rotation: Rotation
+    score: float
+    probability: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """One object found in a photo.
+
+    Attributes:
+        box: Rectangle in continuous pixels of the photo.
+        category: Library category, for example ``"car"``.
+        score: Confidence in [0, 1].
+        mask: (H, W) bool of the photo's size, or None.
+        source: What made it: ``"embedded"``, ``"user"``, ``"file"`` ...
+        rotation: A rotation given from outside, if any.
+        alternatives: Other categories with their scores, best first.
+
+    Raises:
+        ValueError: the score is outside [0, 1] or the mask is not a 2-D bool array.
+    """
+
+    box: Box
+    category: str
+    score: float = 1.0
+    mask: Mask | None = None
+    source: str = "user"
+    rotation: Rotation | None = None
+    alternatives: tuple[tuple[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.score <= 1.0:
+            raise ValueError(f"detection score {self.score} is outside [0, 1]")
+        if not self.category:
+            raise ValueError("a detection needs a category")
+        if self.mask is not None and (self.mask.ndim != 2 or self.mask.dtype != np.bool_):
+            raise ValueError("Detection.mask must be a (H, W) bool array")
+
+
+@dataclass(frozen=True, slots=True)
+class CadModel:
+    """A catalogue entry; its mesh is loaded from the library by ``id``.
+
+    Attributes:
+        id: Unique in the catalogue, for example ``"Scopia/scopia/van/van.obj"``.
+        name: What a person calls it.
+        category: Library category.
+        source: Importer and file it came from.
+        licence: SPDX-like name; ``"unknown"`` where the source does not say.
+        creator: Author, or empty.
+        size_cm: Width, depth, height in centimetres where the source tells, else None.
+        face_count: Number of triangles.
+        sha256: Digest of the stored mesh file.
+    """
+
+    id: str
+    name: str
+    category: str
+    source: str = ""
+    licence: str = "unknown"
+    creator: str = ""
+    size_cm: tuple[float, float, float] | None = None
+    face_count: int = 0
+    sha256: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.id or not self.category:
+            raise ValueError("a CAD model needs an id and a category")
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """N renders of one mesh, background transparent.
+
+    Attributes:
+        rgb: (N, H, W, 3) uint8 sRGB, black where nothing was drawn.
+        alpha: (N, H, W) uint8 coverage, 255 inside.
+        depth: (N, H, W) float32 z in the camera frame at the pixel's centre, inf where empty.
+    """
+
+    rgb: NDArray[np.uint8]
+    alpha: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        shape = self.alpha.shape
+        if self.rgb.shape != (*shape, 3) or self.depth.shape != shape or self.alpha.ndim != 3:
+            raise ValueError(
+                f"Views: rgb {self.rgb.shape}, alpha {shape}, depth {self.depth.shape} do not fit together"
+            )
+
+    def __len__(self) -> int:
+        return len(self.alpha)
+
+    @property
+    def mask(self) -> Mask:
+        """(N, H, W) bool, at least half covered."""
+        return np.asarray(self.alpha >= 128)
+
+    def over(self, background: int = 255) -> NDArray[np.uint8]:
+        """(N, H, W, 3) uint8 composited over a uniform grey level."""
+        a = self.alpha[..., None].astype(np.uint16)
+        return ((self.rgb * a + background * (255 - a) + 127) // 255).astype(np.uint8)
+
+
+@dataclass(frozen=True, slots=True)
+class Pose4Dof:
+    """Three angles and one focal length at t_z = 2.0, and where in the photo they apply.
+
+    The principal point is the centre of the detection box (the paper's Fig. 4): the photo is seen
+    through a virtual camera that looks straight at the object.
+
+    Attributes:
+        rotation: Azimuth, elevation, in-plane rotation.
+        focal_px: Focal length in pixels of the photo.
+        principal_px: (x, y) in continuous pixels of the photo.
+        t_z: Distance of the object's origin, 2.0 in units of the model's bounding-box diagonal.
+
+    Raises:
+        ValueError: focal length or distance is not positive and finite.
+    """
+
+    rotation: Rotation
+    focal_px: float
+    principal_px: tuple[float, float]
+    t_z: float = T_Z
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.focal_px) and self.focal_px > 0):
+            raise ValueError(f"focal length {self.focal_px} must be positive")
+        if not (np.isfinite(self.t_z) and self.t_z > 0):
+            raise ValueError(f"t_z {self.t_z} must be positive")
+        if not np.isfinite(self.principal_px).all():
+            raise ValueError("the principal point must be finite")
+
+    def to_cameras(self, width: int, height: int) -> Cameras:
+        """One camera for a photo of that size."""
+        return Cameras.from_rotations(
+            self.rotation.to_matrix(),
+            focal_px=self.focal_px,
+            principal_px=self.principal_px,
+            width=width,
+            height=height,
+            t_z=self.t_z,
+        )
+
+    def project(self, points_s: FloatArray) -> FloatArray:
+        """(P, 3) object points to (P, 2) continuous pixels of the photo (Eq. 8)."""
+        return np.asarray(self.to_cameras(1, 1).project(points_s)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A CAD model compared with the photo.
+
+    Attributes:
+        cad: The catalogue entry.
+        score: The measure it is ranked by; higher is better.
+        rotation: The rotation at which it scored so.
+        measures: Every measure that was computed, by name.
+    """
+
+    cad: CadModel
+    score: float
+    rotation: Rotation
+    measures: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Annotation:
+    """The 4-DoF annotation of one object, with what it was chosen from.
+
+    Attributes:
+        photo_name: The photo's name.
+        photo_sha256: Digest of the photo's bytes.
+        photo_size: (width, height) in pixels.
+        detection: Object, box, category and mask.
+        pose: The four degrees of freedom.
+        candidates: CAD models in rank order; the first one is the answer.
+        hypotheses: Rotation hypotheses in rank order.
+        box_iou: IoU of the projected model's rectangle and the detection box.
+        mask_iou: IoU of the rendered silhouette and the mask, None without a mask.
+        seconds: Time spent by stage.
+        provenance: Names and versions of everything that took part.
+    """
+
+    photo_name: str
+    photo_sha256: str
+    photo_size: tuple[int, int]
+    detection: Detection
+    pose: Pose4Dof
+    candidates: tuple[Candidate, ...]
+    hypotheses: tuple[RotationHypothesis, ...]
+    box_iou: float
+    mask_iou: float | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.candidates:
+            raise ValueError("an annotation needs at least one CAD candidate")
+        if not 0.0 <= self.box_iou <= 1.0 + 1e-9:
+            raise ValueError(f"box_iou {self.box_iou} is outside [0, 1]")
+
+    @property
+    def cad(self) -> CadModel:
+        """The chosen CAD model."""
+        return self.candidates[0].cad
