@@ -1,0 +1,7 @@
+"""The focal length at t_z = 2.0, from a box in closed form or from a mask."""
+
+from __future__ import annotations
+
+from cadpose.alignment.focal import FocalFit, align, focal_from_box, focals_from_box
+
+__all__ = ["FocalFit", "align", "focal_from_box", "focals_from_box"]
