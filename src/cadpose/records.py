@@ -31,6 +31,9 @@ class Photo:
         name: What to call it in messages and file names: the path as the user gave it.
         sha256: Hex digest of the file's bytes, or of the pixels where there was no file.
         focal_35mm: EXIF's 35 mm equivalent focal length, if told.
+
+    Raises:
+        ValueError: ``rgb`` has another shape or type, or no pixel.
     """
 
     rgb: NDArray[np.uint8]
@@ -102,11 +105,20 @@ class RotationHypothesis:
         rotation: The three angles.
         score: Higher is better; comparable within one photo only.
         probability: Share of this hypothesis among those returned, in [0, 1]; not calibrated.
+
+    Raises:
+        ValueError: the score is not finite or the probability is outside [0, 1].
     """
 
     rotation: Rotation
     score: float
     probability: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.score):
+            raise ValueError(f"hypothesis score {self.score} must be finite")
+        if not 0.0 <= self.probability <= 1.0 + 1e-9:
+            raise ValueError(f"hypothesis probability {self.probability} is outside [0, 1]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +169,9 @@ class CadModel:
         size_cm: Width, depth, height in centimetres where the source tells, else None.
         face_count: Number of triangles.
         sha256: Digest of the stored mesh file.
+
+    Raises:
+        ValueError: the id or the category is empty.
     """
 
     id: str
@@ -182,6 +197,9 @@ class Views:
         rgb: (N, H, W, 3) uint8 sRGB, black where nothing was drawn.
         alpha: (N, H, W) uint8 coverage, 255 inside.
         depth: (N, H, W) float32 z in the camera frame at the pixel's centre, inf where empty.
+
+    Raises:
+        ValueError: the three do not fit together in shape, or have other types.
     """
 
     rgb: NDArray[np.uint8]
@@ -193,6 +211,11 @@ class Views:
         if self.rgb.shape != (*shape, 3) or self.depth.shape != shape or self.alpha.ndim != 3:
             raise ValueError(
                 f"Views: rgb {self.rgb.shape}, alpha {shape}, depth {self.depth.shape} do not fit together"
+            )
+        if self.rgb.dtype != np.uint8 or self.alpha.dtype != np.uint8 or self.depth.dtype != np.float32:
+            raise ValueError(
+                f"Views: rgb and alpha are uint8, depth float32; got {self.rgb.dtype}, "
+                f"{self.alpha.dtype}, {self.depth.dtype}"
             )
 
     def __len__(self) -> int:
@@ -264,12 +287,19 @@ class Candidate:
         score: The measure it is ranked by; higher is better.
         rotation: The rotation at which it scored so.
         measures: Every measure that was computed, by name.
+
+    Raises:
+        ValueError: the score is not finite.
     """
 
     cad: CadModel
     score: float
     rotation: Rotation
     measures: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.score):
+            raise ValueError(f"candidate {self.cad.id}: score {self.score} must be finite")
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,6 +318,9 @@ class Annotation:
         mask_iou: IoU of the rendered silhouette and the mask, None without a mask.
         seconds: Time spent by stage.
         provenance: Names and versions of everything that took part.
+
+    Raises:
+        ValueError: there is no candidate, the photo's size is not positive, or an IoU is outside [0, 1].
     """
 
     photo_name: str
@@ -305,8 +338,12 @@ class Annotation:
     def __post_init__(self) -> None:
         if not self.candidates:
             raise ValueError("an annotation needs at least one CAD candidate")
+        if min(self.photo_size) < 1:
+            raise ValueError(f"photo_size {self.photo_size} must be positive")
         if not 0.0 <= self.box_iou <= 1.0 + 1e-9:
             raise ValueError(f"box_iou {self.box_iou} is outside [0, 1]")
+        if self.mask_iou is not None and not 0.0 <= self.mask_iou <= 1.0 + 1e-9:
+            raise ValueError(f"mask_iou {self.mask_iou} is outside [0, 1]")
 
     @property
     def cad(self) -> CadModel:

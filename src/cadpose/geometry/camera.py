@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cadpose.geometry.frames import FloatArray
 
@@ -33,7 +33,8 @@ class Cameras:
         height: Image height in pixels.
 
     Raises:
-        ValueError: shapes disagree, a value is not finite, a rotation is not one, or a size is < 1.
+        ValueError: shapes disagree, a value is not finite, a rotation is not one, a focal length is
+            not positive, or a size is < 1.
     """
 
     R_cv_from_s: FloatArray
@@ -54,6 +55,8 @@ class Cameras:
                 raise ValueError(f"Cameras.{name} holds a value that is not finite")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        if (self.focal_px <= 0).any():
+            raise ValueError("Cameras.focal_px must be positive")
         if self.width < 1 or self.height < 1:
             raise ValueError(f"Cameras need a positive image size, got {self.width} x {self.height}")
         require_rotation(self.R_cv_from_s, "Cameras.R_cv_from_s")
@@ -118,8 +121,8 @@ class Cameras:
         principal = size / 2.0 - focal[:, None] * centre
         return cls.from_rotations(R, focal_px=focal, width=size, height=size, principal_px=principal, t_z=t_z)
 
-    def __getitem__(self, index: int | slice | FloatArray) -> Cameras:
-        keep = [index] if isinstance(index, int) else index
+    def __getitem__(self, index: int | np.integer | slice | NDArray[np.integer | np.bool_]) -> Cameras:
+        keep = np.array([int(index)]) if isinstance(index, int | np.integer) else index
         return replace(
             self,
             R_cv_from_s=self.R_cv_from_s[keep],

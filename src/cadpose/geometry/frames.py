@@ -34,7 +34,7 @@ R_cv_from_p3d = _constant([[-1, 0, 0], [0, -1, 0], [0, 0, 1]])
 R_p3d_from_cv = R_cv_from_p3d
 R_b_from_s = _constant([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
 R_s_from_b = _constant([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
-# Sweet Home 3D and Pix3D models look along +z: half a turn about the vertical axis.
+# Sweet Home 3D models look along +z: half a turn about the vertical axis.
 R_s_from_front_plus_z = _constant([[-1, 0, 0], [0, 1, 0], [0, 0, -1]])
 
 

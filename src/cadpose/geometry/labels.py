@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cadpose.geometry.angles import wrap180, wrap360
-from cadpose.geometry.frames import FloatArray, R_cv_from_p3d, R_s_from_front_plus_z
+from cadpose.geometry.frames import FloatArray, R_cv_from_p3d
 
 #: Pix3D gives focal lengths in millimetres on a sensor 32 mm wide.
 PIX3D_SENSOR_MM = 32.0
@@ -18,17 +18,17 @@ class Pix3dCamera:
     """The exact camera of a Pix3D label.
 
     Attributes:
-        R_cv_from_s: (3, 3) rotation from ShapeNet axes (not from the model file's own, front +z).
-        R_cv_from_model: (3, 3) rotation from the model file's own axes.
+        R_cv_from_s: (3, 3) rotation; Pix3D's model files are in ShapeNet axes already (front -z).
         t_cv: (3,) position of the model file's origin in the camera frame.
         focal_px: Focal length in pixels.
         principal_px: Principal point, the middle of the image.
-        azimuth: Degrees, computed from ``cam_position`` as Pix3D's authors do.
-        elevation: Degrees, computed from ``cam_position``.
+        azimuth: Degrees, computed from ``cam_position`` as Pix3D's authors do. It belongs to a camera
+            that looks straight at the object; ``R_cv_from_s`` differs from it by the angle between the
+            optical axis and the line of sight to the object.
+        elevation: Degrees, computed from ``cam_position`` likewise.
     """
 
     R_cv_from_s: FloatArray
-    R_cv_from_model: FloatArray
     t_cv: FloatArray
     focal_px: float
     principal_px: tuple[float, float]
@@ -48,11 +48,9 @@ def from_pix3d(
     X_cv = diag(-1, -1, 1)(R·X + t), f_px = focal_mm / 32 · width.
     """
     width, height = image_size
-    R_cv_from_model = R_cv_from_p3d @ np.asarray(rot_mat, np.float64)
     x, y, z = np.asarray(cam_position, np.float64)
     return Pix3dCamera(
-        R_cv_from_s=R_cv_from_model @ R_s_from_front_plus_z.T,
-        R_cv_from_model=R_cv_from_model,
+        R_cv_from_s=R_cv_from_p3d @ np.asarray(rot_mat, np.float64),
         t_cv=R_cv_from_p3d @ np.asarray(trans_mat, np.float64),
         focal_px=focal_mm / PIX3D_SENSOR_MM * width,
         principal_px=(width / 2.0, height / 2.0),
@@ -62,8 +60,11 @@ def from_pix3d(
 
 
 def to_pix3d(R_cv_from_s: FloatArray, t_cv: FloatArray, focal_px: float, width: int) -> dict[str, object]:
-    """rot_mat, trans_mat, focal_length, cam_position and inplane_rotation as Pix3D stores them."""
-    R = R_cv_from_p3d @ np.asarray(R_cv_from_s, np.float64) @ R_s_from_front_plus_z
+    """rot_mat, trans_mat, focal_length and cam_position as Pix3D stores them.
+
+    Its ``inplane_rotation`` is not the in-plane rotation of this module and is not written.
+    """
+    R = R_cv_from_p3d @ np.asarray(R_cv_from_s, np.float64)
     t = R_cv_from_p3d @ np.asarray(t_cv, np.float64)
     return {
         "rot_mat": R.tolist(),
