@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from cadpose.alignment.focal import FocalFit, align, focal_from_box, focals_from_box
+from cadpose.alignment.silhouette import focal_from_mask
 
-__all__ = ["FocalFit", "align", "focal_from_box", "focals_from_box"]
+__all__ = ["FocalFit", "align", "focal_from_box", "focal_from_mask", "focals_from_box"]
