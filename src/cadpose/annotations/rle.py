@@ -1,0 +1,49 @@
+"""COCO's uncompressed run-length encoding of masks: column by column, the first run is background."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cadpose.records import Mask
+
+#: Largest mask that is decoded, twice the pixels that a photo may have.
+MAX_PIXELS = 100_000_000
+
+
+def encode_mask(mask: Mask) -> list[int]:
+    """Runs of a (H, W) bool mask in column-major order, background first (that run may be 0)."""
+    flat = np.asarray(mask, np.bool_).ravel(order="F")
+    if not len(flat):
+        return []
+    changes = np.flatnonzero(flat[1:] != flat[:-1]) + 1
+    runs = np.diff(np.concatenate([[0], changes, [len(flat)]])).tolist()
+    return [0, *runs] if flat[0] else [int(run) for run in runs]
+
+
+def decode_mask(size: Sequence[int], counts: Sequence[int]) -> Mask:
+    """(H, W) bool mask of COCO's ``{"size": [H, W], "counts": counts}``.
+
+    Raises:
+        ValueError: a side is below 1, the mask is larger than ``MAX_PIXELS``, or the runs are negative
+            or do not add up to its area. Nothing is allocated before these checks.
+    """
+    check_runs(size, counts)
+    height, width = size
+    runs = np.asarray(counts, np.int64)
+    flat = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
+    return np.ascontiguousarray(flat.reshape((height, width), order="F"))
+
+
+def check_runs(size: Sequence[int], counts: Sequence[int]) -> None:
+    """Raise ValueError unless ``decode_mask`` would succeed."""
+    if len(size) != 2 or min(size) < 1:
+        raise ValueError(f"a mask's size is [height, width], both at least 1, not {list(size)[:3]}")
+    height, width = size
+    if height * width > MAX_PIXELS:
+        raise ValueError(f"a mask of {height} x {width} pixels is above the limit of {MAX_PIXELS}")
+    if min(counts, default=0) < 0:
+        raise ValueError("a mask's runs must not be negative")
+    if sum(counts) != height * width:
+        raise ValueError(f"a mask's runs add up to {sum(counts)}, not to {height} x {width}")
