@@ -1,0 +1,122 @@
+"""The default renderer: a z-buffer rasteriser for one CPU core a thread, with deferred shading."""
+
+from __future__ import annotations
+
+import threading
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from cadpose.geometry.camera import Cameras
+from cadpose.library.mesh import Mesh
+from cadpose.records import Views
+from cadpose.rendering.scene import Scene, build_scene
+from cadpose.rendering.shading import shade
+from cadpose.rendering.visibility import draw, draw_general, project
+
+
+class Rasteriser:
+    """Draws meshes with textures, material colours and normals; nothing but numpy and numba is needed.
+
+    Faces are drawn from both sides. Semi-transparent materials cover their pixels in the mask and are
+    mixed, the nearest layer only, with the opaque face behind; textures with holes are cut out at half
+    opacity. Surfaces nearer than 0.01 (in the mesh's units) are cut off. The same input gives the same
+    bytes. One instance may be used from several threads: kernels run without the GIL, each thread with
+    its own buffers.
+
+    Args:
+        supersample: Visibility samples a pixel along each axis, 1 to 4; each face is shaded once a pixel.
+
+    Raises:
+        ValueError: ``supersample`` is out of range.
+    """
+
+    name = "raster"
+
+    def __init__(self, supersample: int = 2) -> None:
+        if not 1 <= supersample <= 4:
+            raise ValueError(f"supersample must be 1 to 4, got {supersample}")
+        self.supersample = supersample
+        self._scenes: WeakKeyDictionary[Mesh, Scene] = WeakKeyDictionary()
+        self._local = threading.local()
+
+    def render(self, mesh: Mesh, cameras: Cameras) -> Views:
+        """N views of ``mesh``, one a camera.
+
+        Colour is that of the covered part of a pixel (not multiplied by alpha); depth is the z of the face
+        that covers most of the pixel, at the pixel's centre.
+
+        Raises:
+            ValueError: the mesh has more than 16.7 million faces, or the image is wider or higher than
+                16384 samples.
+        """
+        ss = self.supersample
+        n, height, width = len(cameras), cameras.height, cameras.width
+        if max(width, height) * ss > 16384:
+            raise ValueError(f"an image of {width} x {height} is too large to draw: 16384 samples a side at most")
+        scene = self._scene(mesh)
+        rgb = np.zeros((n, height, width, 3), np.uint8)
+        alpha = np.zeros((n, height, width), np.uint8)
+        depth = np.full((n, height, width), np.inf, np.float32)
+        for i in range(n):
+            self._view(scene, cameras, i, rgb[i], alpha[i], depth[i])
+        return Views(rgb=rgb, alpha=alpha, depth=depth)
+
+    def _scene(self, mesh: Mesh) -> Scene:
+        scene = self._scenes.get(mesh)
+        if scene is None:
+            scene = self._scenes[mesh] = build_scene(mesh)
+        return scene
+
+    def _view(
+        self,
+        scene: Scene,
+        cameras: Cameras,
+        i: int,
+        rgb: np.ndarray[tuple[int, ...], np.dtype[np.uint8]],
+        alpha: np.ndarray[tuple[int, ...], np.dtype[np.uint8]],
+        depth: np.ndarray[tuple[int, ...], np.dtype[np.float32]],
+    ) -> None:
+        ss, width, height = self.supersample, cameras.width, cameras.height
+        R, focal = cameras.R_cv_from_s[i], float(cameras.focal_px[i])
+        cx, cy = (float(v) for v in cameras.principal_px[i])
+        cam = self._buffer("cam", np.float64, len(scene.vertices), 3)
+        screen = self._buffer("screen", np.int32, len(scene.vertices), 4)
+        x0, y0, x1, y1, unsnapped, scale = project(
+            scene.vertices, R, cameras.t_cv[i], focal, cx, cy, width, height, ss, cam, screen
+        )
+        if x0 >= x1 or y0 >= y1:
+            return
+        columns, rows = width * ss, height * ss
+        has_glass = len(scene.faces) > scene.opaque + scene.cutout
+        words = self._buffer("words", np.int64, rows, columns)
+        glass = self._buffer("glass", np.int64, rows, columns) if has_glass else words
+        cut_end = scene.opaque + scene.cutout
+        for begin, end, target in ((0, scene.opaque, words), (cut_end, len(scene.faces), glass)):
+            if begin == end and target is glass:
+                continue
+            target[y0 * ss : y1 * ss, x0 * ss : x1 * ss] = 0
+            draw(scene.faces, begin, end, screen, columns, rows, unsnapped, target)
+        slow = [(0, scene.opaque, False, words), (cut_end, len(scene.faces), False, glass)] if unsnapped else []
+        if scene.cutout:
+            slow.append((scene.opaque, cut_end, True, words))
+        for begin, end, cutout, target in slow:
+            draw_general(
+                scene.faces, begin, end, not cutout, screen, cam, focal, cx, cy, ss, scale,
+                cutout, scene.uv, scene.uv_area, scene.material, scene.material_levels,
+                scene.levels, scene.texels, columns, rows, target,
+            )  # fmt: skip
+        shade(
+            x0, y0, x1, y1, ss, words, glass, has_glass, scene.faces, cam, R, focal, cx, cy,
+            scene.normals, scene.uv, scene.uv_area, scene.look, scene.material, scene.rgba,
+            scene.material_levels, scene.levels, scene.texels, rgb, alpha, depth,
+        )  # fmt: skip
+
+    def _buffer(self, name: str, dtype: type, *shape: int) -> np.ndarray:
+        """A scratch array of this thread, kept for the next view; its content is left over."""
+        kept = getattr(self._local, name, None)
+        size = int(np.prod(shape))
+        if kept is None or kept.size < size:
+            kept = np.empty(size, dtype)
+            setattr(self._local, name, kept)
+        return kept[:size].reshape(shape)
