@@ -146,7 +146,7 @@ def test_straight_above_and_below_inplane_is_zero(elevation: float, azimuth: flo
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("off", [1e-12, 1e-9, 1e-8, 1e-7, 1e-6, 1e-4])
+@pytest.mark.parametrize("off", [1e-12, 1e-9, 1e-8, 1e-7, 1e-6, 1e-4, 1e-2])
 def test_next_to_straight_above_the_rotation_comes_back(sign: float, off: float) -> None:
     R = rotation_from_angles(33.0, sign * (90.0 - off), 21.0)
     np.testing.assert_allclose(rotation_from_angles(*angles_from_rotation(R)), R, atol=1e-6)
