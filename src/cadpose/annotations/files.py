@@ -1,0 +1,123 @@
+"""Writing outputs whole or not at all, and file names that no photo's name can abuse."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import secrets
+import unicodedata
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from cadpose.errors import CadposeError
+
+#: Longest stem in bytes: file systems allow 255 for the whole name.
+_STEM_BYTES = 120
+_RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10))}
+
+
+def write_atomic(path: str | os.PathLike[str], data: bytes) -> None:
+    """Write ``data`` beside ``path``, fsync it and move it into place; parent folders are made.
+
+    Whoever reads sees the old file or the whole new one, also after a crash.
+
+    Raises:
+        CadposeError: the file cannot be written; no trace of it is left.
+    """
+    target = Path(path)
+    beside = target.parent / f".cadpose-{secrets.token_hex(8)}.part"
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            # Unlike tempfile's, this file gets the permissions that the user's umask gives.
+            with beside.open("xb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            beside.replace(target)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                beside.unlink()
+            raise
+        _sync_folder(target.parent)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise CadposeError(f"cannot write {target}: {reason}; choose another place with --out") from None
+
+
+def _sync_folder(folder: Path) -> None:
+    # The rename itself lasts only once its folder is on disk; Windows cannot open folders.
+    if os.name == "posix":
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+@dataclass(frozen=True, slots=True)
+class OutputPaths:
+    """Where the outputs of one photo go.
+
+    Attributes:
+        json: The document.
+        overlay: The photo with its models drawn over it.
+        candidates: The candidate strips.
+        card: One HTML page with all of it.
+    """
+
+    json: Path
+    overlay: Path
+    candidates: Path
+    card: Path
+
+
+def output_paths(
+    photos: Iterable[str | os.PathLike[str]], folder: str | os.PathLike[str]
+) -> list[OutputPaths]:
+    """Paths in ``folder`` for every photo of a run, in order.
+
+    A photo keeps its stem (``a/car.jpg`` gives ``car.json``). Photos of the run whose stems agree, upper
+    and lower case being the same, get eight digits of their path's SHA-256 as well, so the names depend
+    on the set of photos but not on its order. The same path given twice gets the same outputs.
+    """
+    names = [os.path.normpath(os.fspath(photo)) for photo in photos]
+    shared = Counter(_safe_stem(name).casefold() for name in dict.fromkeys(names))
+    chosen: dict[str, str] = {}
+    taken: set[str] = set()
+    for name in sorted(set(names), key=lambda n: (shared[_safe_stem(n).casefold()] > 1, n)):
+        stem = _safe_stem(name)
+        if shared[stem.casefold()] > 1:
+            digest = hashlib.sha256(name.encode(errors="surrogateescape")).hexdigest()
+            stem, plain, digits = f"{stem}-{digest[:8]}", stem, 8
+            while stem.casefold() in taken:
+                digits += 1
+                stem = f"{plain}-{digest[:digits]}"
+        taken.add(stem.casefold())
+        chosen[name] = stem
+    out = Path(folder)
+    return [
+        OutputPaths(
+            json=out / f"{stem}.json",
+            overlay=out / f"{stem}.overlay.png",
+            candidates=out / f"{stem}.candidates.png",
+            card=out / f"{stem}.card.html",
+        )
+        for stem in (chosen[name] for name in names)
+    ]
+
+
+def _safe_stem(name: str) -> str:
+    """Letters, digits and ``. _ + -`` of the file's stem; no hidden, reserved or overlong name."""
+    base = re.split(r"[/\\]", name)[-1]
+    stem = base.rsplit(".", 1)[0] if "." in base.lstrip(".") else base
+    text = unicodedata.normalize("NFC", stem.encode(errors="replace").decode())
+    text = re.sub(r"[^\w.+-]+", "_", text).strip("._-")
+    text = text.encode()[:_STEM_BYTES].decode(errors="ignore")
+    if not text:
+        return "photo"
+    return f"{text}_" if text.casefold().split(".")[0] in _RESERVED else text
