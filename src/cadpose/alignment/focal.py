@@ -32,11 +32,13 @@ class FocalFit:
     Attributes:
         focal_px: Focal length in pixels of the photo, at t_z = 2.0.
         box_iou: IoU of the projected rectangle with the box, in [0, 1].
+        principal_px: Principal point (x, y) in pixels of the photo that it holds for.
         mask_iou: IoU of the silhouettes, where masks were compared.
     """
 
     focal_px: float
     box_iou: float
+    principal_px: tuple[float, float]
     mask_iou: float | None = None
 
 
@@ -52,7 +54,8 @@ def focal_from_box(u: FloatArray, box: Box, principal_px: tuple[float, float] | 
         ValueError: see :func:`focals_from_box`.
     """
     focal, iou = focals_from_box(np.asarray(u, np.float64).reshape(1, 4), box, principal_px)
-    return FocalFit(float(focal[0]), float(iou[0]))
+    principal = box.centre if principal_px is None else principal_px
+    return FocalFit(float(focal[0]), float(iou[0]), principal)
 
 
 def focals_from_box(
@@ -125,17 +128,17 @@ def align(
     if centred and principal_px is not None:
         raise ValueError("give either principal_px or centred, not both")
     u = projected_rectangle(rotation.to_matrix(), points_s)[0]
-    middle = (u[:2] + u[2:]) / 2.0
     if centred:
+        middle = (u[:2] + u[2:]) / 2.0
         fit = focal_from_box(u - np.tile(middle, 2), box)
-        principal = (
+        principal_px = (
             float(box.centre[0] - fit.focal_px * middle[0]),
             float(box.centre[1] - fit.focal_px * middle[1]),
         )
     else:
         fit = focal_from_box(u, box, principal_px)
-        principal = box.centre if principal_px is None else principal_px
-    return Pose4Dof(rotation, fit.focal_px, principal, T_Z), fit.box_iou
+        principal_px = fit.principal_px
+    return Pose4Dof(rotation, fit.focal_px, principal_px, T_Z), fit.box_iou
 
 
 def _candidates(u: FloatArray, b: FloatArray) -> FloatArray:

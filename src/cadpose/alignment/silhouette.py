@@ -34,6 +34,8 @@ def focal_from_mask(
     render_camera: Cameras,
     photo_mask: Mask,
     principal_px: tuple[float, float] | None = None,
+    *,
+    centred: bool = False,
 ) -> FocalFit:
     """The focal length that maximises the IoU of the scaled silhouette and the photo's mask.
 
@@ -45,26 +47,33 @@ def focal_from_mask(
         render_camera: The one camera it was rendered with; any principal point and focal length.
         photo_mask: (H, W) bool mask of the photo's size.
         principal_px: Principal point in the photo; the middle of the mask's box if None.
+        centred: Instead, let the silhouettes' boxes share their middle and put the principal point where
+            that leaves it, as :func:`cadpose.alignment.focal.align` does with the same name.
 
     Returns:
         The fit; its ``box_iou`` compares the rectangles of the two silhouettes.
 
     Raises:
-        ValueError: a mask is empty, or ``render_camera`` is not one camera of the render's size.
+        ValueError: a mask is empty, ``render_camera`` is not one camera of the render's size, or both
+            ``principal_px`` and ``centred`` are given.
     """
+    if centred and principal_px is not None:
+        raise ValueError("give either principal_px or centred, not both")
     if len(render_camera) != 1 or render_coverage.shape != (render_camera.height, render_camera.width):
         raise ValueError("render_camera must be the one camera that the render was made with")
     render = _drawable(render_coverage)
     render_box = Box.from_mask(render >= 0.5)
     photo_box = Box.from_mask(photo_mask)
-    principal = photo_box.centre if principal_px is None else principal_px
+    # The point of the photo and that of the render about which all scales agree.
+    fixed = photo_box.centre if principal_px is None else principal_px
     render_principal = render_camera.principal_px[0]
+    render_fixed = np.array(render_box.centre) if centred else render_principal
     photo = _Window.around(photo_mask, photo_box)
     photo_area, render_area = float(photo_mask.sum()), float(render.sum(dtype=np.float64))
 
     def iou(scale: float) -> float:
         """IoU with ``scale`` pixels of the photo to one of the render."""
-        inside = photo.overlap(render, render_principal, principal, scale)
+        inside = photo.overlap(render, render_fixed, fixed, scale)
         return inside / (photo_area + scale * scale * render_area - inside)
 
     grid = np.sqrt(photo_area / render_area) * np.geomspace(1.0 / SEARCH_RANGE, SEARCH_RANGE, _COARSE_STEPS)
@@ -76,11 +85,15 @@ def focal_from_mask(
             best_scale, best_iou = float(grid[best]), values[best]
         grid = np.linspace(grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)], 9)
 
-    corners = np.array(render_box.to_tuple()).reshape(2, 2)
-    scaled = ((corners - render_principal) * best_scale + principal).reshape(4)
+    def to_photo(points: FloatArray) -> FloatArray:
+        return np.asarray((points - render_fixed) * best_scale + fixed)
+
+    rectangle = to_photo(np.array(render_box.to_tuple()).reshape(2, 2)).reshape(4)
+    principal = to_photo(render_principal)
     return FocalFit(
         float(render_camera.focal_px[0]) * best_scale,
-        float(box_iou(scaled, np.array(photo_box.to_tuple()))),
+        float(box_iou(rectangle, np.array(photo_box.to_tuple()))),
+        (float(principal[0]), float(principal[1])),
         min(max(best_iou, 0.0), 1.0),
     )
 
@@ -115,16 +128,16 @@ class _Window:
     def overlap(
         self,
         render: NDArray[np.float32],
-        render_principal: FloatArray,
-        principal: tuple[float, float],
+        render_fixed: FloatArray,
+        fixed: tuple[float, float],
         scale: float,
     ) -> float:
-        """Photo pixels² where both the mask and the render, enlarged about the principal point, are set."""
+        """Photo pixels² where both the mask and the render, enlarged about the fixed point, are set."""
         matrix = np.zeros((2, 3))
         for axis in range(2):
             step = 1.0 / (self.per_px[axis] * scale)
             # cv2 counts pixel centres as whole numbers, ours lie at halves.
-            middle = (self.origin[axis] - principal[axis]) / scale + render_principal[axis]
+            middle = (self.origin[axis] - fixed[axis]) / scale + render_fixed[axis]
             matrix[axis, axis], matrix[axis, 2] = step, middle + 0.5 * step - 0.5
         h, w = self.mask.shape
         drawn = cv2.warpAffine(render, matrix, (w, h), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
