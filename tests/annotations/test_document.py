@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -227,3 +229,26 @@ def test_a_document_has_exactly_the_keys_of_the_schema() -> None:
 
     check(json.loads(make_document().to_json()), schema)
     assert visited == {f"#/$defs/{name}" for name in schema["$defs"]} - {"#/$defs/JsonValue"}
+
+
+def test_the_docs_name_every_key() -> None:
+    docs = Path(__file__).parents[2] / "docs" / "output.md"
+    text = docs.read_text(encoding="utf-8")
+    schema = json.loads(schema_text())
+    keys = {key for model in (schema, *schema["$defs"].values()) for key in model.get("properties", {})}
+    assert len(keys) > 40
+    assert {key for key in keys if not re.search(rf"`(?:[\w{{, ]*\W)?{key}\b", text)} == set()
+
+
+def test_the_five_lines_of_the_docs_project_a_point(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    docs = Path(__file__).parents[2] / "docs" / "output.md"
+    code = docs.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    photo = make_photo()
+    annotation = make_annotation(photo)
+    (tmp_path / "car.json").write_text(document_from(photo, [annotation]).to_json(), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    exec(code, {})
+    printed = [float(number) for number in re.findall(r"[-\d.]+", capsys.readouterr().out)]
+    assert printed == pytest.approx(annotation.pose.project(np.array([[0, 0, -0.3]]))[0], abs=1e-5)

@@ -19,8 +19,8 @@ MIN_SIDE, MAX_SIDE = 960, 1600
 
 # The object's own axes from its origin, in units of its bounding-box diagonal.
 _AXES: tuple[tuple[str, tuple[float, float, float], Colour], ...] = (
-    ("right", (0.26, 0.0, 0.0), (240, 62, 62)),
-    ("up", (0.0, 0.26, 0.0), (64, 192, 87)),
+    ("right", (0.24, 0.0, 0.0), (240, 62, 62)),
+    ("up", (0.0, 0.21, 0.0), (64, 192, 87)),
     ("front", (0.0, 0.0, -0.42), (51, 154, 240)),
 )
 _OPACITY = 0.62
