@@ -69,7 +69,10 @@ def draw_overlay(photo: Photo, items: Sequence[tuple[Annotation, Views]]) -> Ima
     for colour, _, _, annotation in layers:
         _box(canvas, np.array(annotation.detection.box.to_tuple()) * scale, colour, unit)
 
-    axes = [_axis_points(_scaled(a.pose, scale), (width, height), 30 * unit) for *_, a in layers]
+    axes = [
+        _axis_points(_scaled(a.pose, scale), np.array(a.detection.box.to_tuple()) * scale, canvas, unit)
+        for *_, a in layers
+    ]
     for points in axes:
         _axes(canvas, *points, unit)
     image = Image.fromarray(canvas)
@@ -168,15 +171,17 @@ def _box(canvas: NDArray[np.uint8], box: FloatArray, colour: Colour, unit: float
 
 
 def _axis_points(
-    pose: Pose4Dof, size: tuple[int, int], border: float
+    pose: Pose4Dof, box: FloatArray, canvas: NDArray[np.uint8], unit: float
 ) -> tuple[FloatArray, FloatArray, list[int]]:
     """Projected origin (2,), tips (3, 2), and the order in which to draw them, farthest first.
 
-    All three are shortened alike where a tip and its name would leave the picture.
+    All three are shortened alike where a tip and its name would leave the picture or the box, above
+    which the label stands.
     """
     tips = np.array([tip for _, tip, _ in _AXES])
-    low, high = border, np.array(size) - border
-    for length in (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4):
+    low = np.maximum(box[:2], 0.0) + 25 * unit
+    high = np.minimum(box[2:], [canvas.shape[1], canvas.shape[0]]) - 25 * unit
+    for length in (1.0, 0.9, 0.8, 0.7, 0.6, 0.5):
         pixels = pose.project(np.vstack([np.zeros((1, 3)), tips * length]))
         if ((pixels >= low) & (pixels <= high)).all():
             break
