@@ -11,8 +11,8 @@ from cadpose.geometry.camera import Cameras
 from cadpose.library.mesh import Mesh
 from cadpose.records import Views
 from cadpose.rendering.scene import Scene, build_scene
-from cadpose.rendering.shading import shade
-from cadpose.rendering.visibility import draw, draw_general, project
+from cadpose.rendering.shading import find_visible, prepare, shade
+from cadpose.rendering.visibility import cull, depth_scale, draw, draw_general, project
 
 
 class Rasteriser:
@@ -80,37 +80,60 @@ class Rasteriser:
         ss, width, height = self.supersample, cameras.width, cameras.height
         R, focal = cameras.R_cv_from_s[i], float(cameras.focal_px[i])
         cx, cy = (float(v) for v in cameras.principal_px[i])
-        cam = self._buffer("cam", np.float64, len(scene.vertices), 3)
+        t = cameras.t_cv[i]
         screen = self._buffer("screen", np.int32, len(scene.vertices), 4)
-        x0, y0, x1, y1, unsnapped, scale = project(
-            scene.vertices, R, cameras.t_cv[i], focal, cx, cy, width, height, ss, cam, screen
-        )
+        columns, rows = width * ss, height * ss
+        scale = depth_scale(float((scene.corners @ R[2]).min() + t[2]))
+        x0, y0, x1, y1, unsnapped = project(scene.vertices, R, t, focal, cx, cy, ss, scale, screen)
+        if unsnapped:
+            x0, y0, x1, y1 = 0, 0, width, height
+        else:
+            x0, y0 = max(x0 // ss, 0), max(y0 // ss, 0)
+            x1, y1 = min(x1 // ss + 1, width), min(y1 // ss + 1, height)
         if x0 >= x1 or y0 >= y1:
             return
-        columns, rows = width * ss, height * ss
         has_glass = len(scene.faces) > scene.opaque + scene.cutout
         words = self._buffer("words", np.int64, rows, columns)
         glass = self._buffer("glass", np.int64, rows, columns) if has_glass else words
         cut_end = scene.opaque + scene.cutout
-        for begin, end, target in ((0, scene.opaque, words), (cut_end, len(scene.faces), glass)):
-            if begin == end and target is glass:
-                continue
+        mapped = (scene.uv, scene.material, scene.material_levels, scene.levels, scene.texels)
+        ranges = (
+            (0, scene.opaque, False, words),
+            (scene.opaque, cut_end, True, words),
+            (cut_end, len(scene.faces), False, glass),
+        )
+        for target in (words, glass) if has_glass else (words,):
             target[y0 * ss : y1 * ss, x0 * ss : x1 * ss] = 0
-            draw(scene.faces, begin, end, screen, columns, rows, unsnapped, target)
-        slow = [(0, scene.opaque, False, words), (cut_end, len(scene.faces), False, glass)] if unsnapped else []
-        if scene.cutout:
-            slow.append((scene.opaque, cut_end, True, words))
-        for begin, end, cutout, target in slow:
-            draw_general(
-                scene.faces, begin, end, not cutout, screen, cam, focal, cx, cy, ss, scale,
-                cutout, scene.uv, scene.uv_area, scene.material, scene.material_levels,
-                scene.levels, scene.texels, columns, rows, target,
-            )  # fmt: skip
-        shade(
-            x0, y0, x1, y1, ss, words, glass, has_glass, scene.faces, cam, R, focal, cx, cy,
-            scene.normals, scene.uv, scene.uv_area, scene.look, scene.material, scene.rgba,
-            scene.material_levels, scene.levels, scene.texels, rgb, alpha, depth,
+        for begin, end, cutout, target in ranges:
+            if begin == end:
+                continue
+            kept = self._buffer("kept", np.int32, end - begin)
+            count = cull(scene.faces, begin, end, screen, columns, rows, unsnapped, kept)
+            draw(scene.faces, kept, count, screen, columns, rows, cutout, scene.uv_area, *mapped, target.ravel())
+            if unsnapped:
+                cam = scene.vertices @ R.T + t
+                draw_general(
+                    scene.faces, begin, end, screen, cam, focal, cx, cy, ss, scale, cutout, *mapped,
+                    columns, rows, target.ravel(),
+                )  # fmt: skip
+        slot_of, visible = self._slots(len(scene.faces))
+        count = find_visible(x0 * ss, y0 * ss, x1 * ss, y1 * ss, words, glass, has_glass, slot_of, visible)
+        planes = self._buffer("planes", np.float64, count, 24)
+        mip = self._buffer("mip", np.int32, count)
+        prepare(
+            visible, count, scene.faces, scene.vertices, R, t, focal, cx, cy, scene.normals, scene.uv, scene.uv_area,
+            scene.look, scene.material, scene.rgba, scene.material_levels, scene.levels, planes, mip,
         )  # fmt: skip
+        shade(
+            x0, y0, x1, y1, ss, words, glass, has_glass, planes, mip, scene.levels, scene.texels,
+            rgb, alpha, depth,
+        )  # fmt: skip
+
+    def _slots(self, faces: int) -> tuple[np.ndarray, np.ndarray]:
+        slot_of = getattr(self._local, "slot_of", None)
+        if slot_of is None or len(slot_of) < faces:
+            self._local.slot_of = slot_of = np.full(faces, -1, np.int32)
+        return slot_of, self._buffer("visible", np.int32, faces)
 
     def _buffer(self, name: str, dtype: type, *shape: int) -> np.ndarray:
         """A scratch array of this thread, kept for the next view; its content is left over."""

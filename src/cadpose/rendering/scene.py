@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
@@ -36,6 +37,7 @@ class Scene:
         material_levels: (M, 2) int32 first mip level and number of levels, zeros without a texture.
         levels: (L, 3) int32 first texel, width, height.
         texels: (T, 4) uint8 RGBA, row-major from the top.
+        corners: (8, 3) float64 corners of the bounding box.
         opaque: Number of opaque faces.
         cutout: Number of cut-out faces.
     """
@@ -51,6 +53,7 @@ class Scene:
     material_levels: NDArray[np.int32]
     levels: NDArray[np.int32]
     texels: NDArray[np.uint8]
+    corners: NDArray[np.float64]
     opaque: int
     cutout: int
 
@@ -93,6 +96,7 @@ def build_scene(mesh: Mesh) -> Scene:
         material_levels=material_levels,
         levels=levels,
         texels=texels,
+        corners=np.array(list(product(*mesh.bounds.T))),
         opaque=int((kind == _OPAQUE).sum()),
         cutout=int((kind == _CUTOUT).sum()),
     )

@@ -39,10 +39,76 @@ def _intensity(x: float, y: float, z: float, lights: Doubles) -> float:
 
 
 @kernel
-def _prepare(
-    f: int,
+def _to_camera(vertices: Floats, i: int, R: Doubles, t: Doubles) -> tuple[float, float, float]:
+    x, y, z = np.float64(vertices[i, 0]), np.float64(vertices[i, 1]), np.float64(vertices[i, 2])
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + t[0],
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + t[1],
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + t[2],
+    )
+
+
+@kernel
+def find_visible(
+    x0: int,
+    y0: int,
+    x1: int,
+    y1: int,
+    words: Words,
+    glass_words: Words,
+    has_glass: bool,
+    slot_of: Ints,
+    visible: Ints,
+) -> int:
+    """Number the faces that are seen in the samples [x0, x1) x [y0, y1).
+
+    Args:
+        x0: First column.
+        y0: First row.
+        x1: Column after the last.
+        y1: Row after the last.
+        words: (rows, columns) of the opaque faces; each word is replaced by its face's number, -1 if empty.
+        glass_words: The same of see-through faces, -1 where an opaque face is nearer.
+        has_glass: Whether ``glass_words`` is to be read.
+        slot_of: (F,) all -1, and so again on return.
+        visible: (F,), written: the faces seen.
+
+    Returns:
+        How many faces are seen.
+    """
+    count = 0
+    for layer in range(2 if has_glass else 1):
+        target = glass_words if layer == 0 and has_glass else words
+        last_face, last_slot = -1, -1
+        for row in range(y0, y1):
+            for col in range(x0, x1):
+                word = target[row, col]
+                if word == 0 or (layer == 0 and has_glass and word <= words[row, col]):
+                    target[row, col] = -1
+                    continue
+                f = _ID_MAX - (word & _ID_MAX)
+                if f != last_face:
+                    last_face = f
+                    last_slot = slot_of[f]
+                    if last_slot < 0:
+                        last_slot = count
+                        slot_of[f] = count
+                        visible[count] = f
+                        count += 1
+                target[row, col] = last_slot
+    for i in range(count):
+        slot_of[visible[i]] = -1
+    return count
+
+
+@kernel
+def prepare(
+    visible: Ints,
+    count: int,
     faces: Ints,
-    cam: Doubles,
+    vertices: Floats,
+    R: Doubles,
+    t: Doubles,
     focal: float,
     cx: float,
     cy: float,
@@ -51,136 +117,83 @@ def _prepare(
     uv_area: Floats,
     look: Bytes,
     material: Ints,
+    rgba: Floats,
     material_levels: Ints,
     levels: Ints,
-    lights: Doubles,
-    plane: Doubles,
-    state: Ints,
+    planes: Doubles,
+    mip: Ints,
 ) -> None:
-    """Everything about a face that its pixels share, into ``plane`` and ``state``.
+    """What the pixels of each visible face share.
 
-    ``plane``: [0:9] the three corner weights as a*x + b*y + c of pixel coordinates, perspective included,
-    [9:12] their sum, [12] the determinant (z = determinant / sum), [13:15] bounds of the sum, [15] flat
-    intensity, [16:25] corner normals, [25:31] corner uv. ``state``: look bits, material, mip level.
+    ``planes`` (count, 24), functions a*x + b*y + c of continuous pixels, all divided by z and so linear in
+    the image: [0:3] sum of the corner weights, [3:6] light, [6] determinant (z = determinant / sum), [7:9]
+    bounds of the sum, [9:11] bounds of the light, [11:15] colour and opacity, [16:19] u, [19:22] v.
+    ``mip`` (count,): the mip level of its texture, -1 without.
     """
-    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-    ax, ay, az = cam[a, 0], cam[a, 1], cam[a, 2]
-    bx, by, bz = cam[b, 0], cam[b, 1], cam[b, 2]
-    qx, qy, qz = cam[c, 0], cam[c, 1], cam[c, 2]
-    nax, nay, naz = by * qz - bz * qy, bz * qx - bx * qz, bx * qy - by * qx
-    nbx, nby, nbz = qy * az - qz * ay, qz * ax - qx * az, qx * ay - qy * ax
-    ncx, ncy, ncz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    det = ax * nax + ay * nay + az * naz
-    # det < 0 where the winding faces the camera; weights are made positive inside either way.
-    side = 1.0 if det < 0.0 else -1.0
-    s = -side
-    k = s / focal
-    plane[0], plane[1], plane[2] = nax * k, nay * k, naz * s - (nax * cx + nay * cy) * k
-    plane[3], plane[4], plane[5] = nbx * k, nby * k, nbz * s - (nbx * cx + nby * cy) * k
-    plane[6], plane[7], plane[8] = ncx * k, ncy * k, ncz * s - (ncx * cx + ncy * cy) * k
-    plane[9] = plane[0] + plane[3] + plane[6]
-    plane[10] = plane[1] + plane[4] + plane[7]
-    plane[11] = plane[2] + plane[5] + plane[8]
-    det = abs(det)
-    z_lo, z_hi = min(az, min(bz, qz)), max(az, max(bz, qz))
-    plane[12] = det
-    plane[13] = det / z_hi
-    plane[14] = det / max(z_lo, 1e-3)
-    bits = look[f]
-    state[0] = bits
-    m = material[f]
-    state[1] = m
-    if bits & _SMOOTH:
-        for i in range(3):
-            for j in range(3):
-                plane[16 + 3 * i + j] = side * normals[f, i, j]
-    else:
-        plane[15] = _intensity(
-            side * normals[f, 0, 0], side * normals[f, 0, 1], side * normals[f, 0, 2], lights
-        )
-    if bits & _TEXTURED:
-        level = material_levels[m, 0]
-        last = level + material_levels[m, 1] - 1
-        if bits & _MEAN_TEXEL:
-            level = last
-        else:
-            for i in range(3):
-                plane[25 + 2 * i] = uv[f, i, 0]
-                plane[26 + 2 * i] = uv[f, i, 1]
-            # Texels a pixel, from the areas: the projected triangle's is f² det / (2 z z z).
-            ratio = uv_area[f] * levels[level, 1] * levels[level, 2] * 2.0 * az * bz * qz
-            ratio /= focal * focal * max(det, 1e-30)
-            while ratio > 2.0 and level < last:
-                ratio *= 0.25
-                level += 1
-        state[2] = level
-
-
-@kernel
-def _shade(
-    x: float,
-    y: float,
-    plane: Doubles,
-    state: Ints,
-    rgba: Floats,
-    levels: Ints,
-    texels: Bytes,
-    lights: Doubles,
-) -> tuple[float, float, float, float]:
-    """Display colour (0 to 255, not yet clipped) and opacity of the prepared face at a point of the image."""
-    bits = state[0]
-    m = state[1]
-    r, g, b, alpha = rgba[m, 0], rgba[m, 1], rgba[m, 2], rgba[m, 3]
-    gain = plane[15]
-    if bits & (_SMOOTH | _TEXTURED):
-        la = max(plane[0] * x + plane[1] * y + plane[2], 0.0)
-        lb = max(plane[3] * x + plane[4] * y + plane[5], 0.0)
-        lc = max(plane[6] * x + plane[7] * y + plane[8], 0.0)
+    lights = np.empty((3, 3))
+    for j in range(3):
+        # Into the object frame, where the normals are.
+        lights[0, j] = _KEY[3] * (_KEY[0] * R[0, j] + _KEY[1] * R[1, j] + _KEY[2] * R[2, j])
+        lights[1, j] = _FILL[3] * (_FILL[0] * R[0, j] + _FILL[1] * R[1, j] + _FILL[2] * R[2, j])
+        lights[2, j] = -_SKY * R[1, j]
+    for i in range(count):
+        f = visible[i]
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, az = _to_camera(vertices, a, R, t)
+        bx, by, bz = _to_camera(vertices, b, R, t)
+        qx, qy, qz = _to_camera(vertices, c, R, t)
+        # Corner weights of the ray d through a pixel: d . (P_j x P_k).
+        nax, nay, naz = by * qz - bz * qy, bz * qx - bx * qz, bx * qy - by * qx
+        nbx, nby, nbz = qy * az - qz * ay, qz * ax - qx * az, qx * ay - qy * ax
+        ncx, ncy, ncz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        det = ax * nax + ay * nay + az * naz
+        # det < 0 where the winding faces the camera; weights are made positive inside either way.
+        side = 1.0 if det < 0.0 else -1.0
+        det = abs(det)
+        k = -side / focal
+        wax, way, wac = nax * k, nay * k, -side * naz - (nax * cx + nay * cy) * k
+        wbx, wby, wbc = nbx * k, nby * k, -side * nbz - (nbx * cx + nby * cy) * k
+        wcx, wcy, wcc = ncx * k, ncy * k, -side * ncz - (ncx * cx + ncy * cy) * k
+        planes[i, 0], planes[i, 1], planes[i, 2] = wax + wbx + wcx, way + wby + wcy, wac + wbc + wcc
+        planes[i, 6] = det
+        planes[i, 7] = det / max(az, max(bz, qz))
+        planes[i, 8] = det / max(min(az, min(bz, qz)), 1e-3)
+        bits = look[f]
+        x, y, z = side * normals[f, 0, 0], side * normals[f, 0, 1], side * normals[f, 0, 2]
+        ga = _intensity(x, y, z, lights)
+        gb, gc = ga, ga
         if bits & _SMOOTH:
-            nx = la * plane[16] + lb * plane[19] + lc * plane[22]
-            ny = la * plane[17] + lb * plane[20] + lc * plane[23]
-            nz = la * plane[18] + lb * plane[21] + lc * plane[24]
-            length = np.sqrt(nx * nx + ny * ny + nz * nz)
-            scale = 1.0 / length if length > 0.0 else 0.0
-            gain = _intensity(nx * scale, ny * scale, nz * scale, lights)
+            x, y, z = side * normals[f, 1, 0], side * normals[f, 1, 1], side * normals[f, 1, 2]
+            gb = _intensity(x, y, z, lights)
+            x, y, z = side * normals[f, 2, 0], side * normals[f, 2, 1], side * normals[f, 2, 2]
+            gc = _intensity(x, y, z, lights)
+        planes[i, 3] = ga * wax + gb * wbx + gc * wcx
+        planes[i, 4] = ga * way + gb * wby + gc * wcy
+        planes[i, 5] = ga * wac + gb * wbc + gc * wcc
+        planes[i, 9] = min(ga, min(gb, gc))
+        planes[i, 10] = max(ga, max(gb, gc))
+        m = material[f]
+        for j in range(4):
+            planes[i, 11 + j] = rgba[m, j]
+        mip[i] = -1
         if bits & _TEXTURED:
-            level = state[2]
-            start, tw, th = levels[level, 0], levels[level, 1], levels[level, 2]
-            u, v = 0.0, 0.0
-            total = la + lb + lc
-            if not bits & _MEAN_TEXEL and total > 0.0:
-                per = 1.0 / total
-                u = (la * plane[25] + lb * plane[27] + lc * plane[29]) * per
-                v = (la * plane[26] + lb * plane[28] + lc * plane[30]) * per
-            # Bilinear, repeating; the first row of texels is the top, v = 1.
-            tx = (u - np.floor(u)) * tw - 0.5
-            ty = (1.0 - (v - np.floor(v))) * th - 0.5
-            x0, y0 = int(np.floor(tx)), int(np.floor(ty))
-            fx, fy = tx - x0, ty - y0
-            x1, y1 = x0 + 1, y0 + 1
-            x0 = x0 + tw if x0 < 0 else x0
-            y0 = y0 + th if y0 < 0 else y0
-            x1 = x1 - tw if x1 >= tw else x1
-            y1 = y1 - th if y1 >= th else y1
-            i00, i01 = start + y0 * tw + x0, start + y0 * tw + x1
-            i10, i11 = start + y1 * tw + x0, start + y1 * tw + x1
-            w11 = fx * fy
-            w01 = fx - w11
-            w10 = fy - w11
-            w00 = 1.0 - fx - w10
-            per = 1.0 / 255.0
-            r *= per * (
-                w00 * texels[i00, 0] + w01 * texels[i01, 0] + w10 * texels[i10, 0] + w11 * texels[i11, 0]
-            )
-            g *= per * (
-                w00 * texels[i00, 1] + w01 * texels[i01, 1] + w10 * texels[i10, 1] + w11 * texels[i11, 1]
-            )
-            b *= per * (
-                w00 * texels[i00, 2] + w01 * texels[i01, 2] + w10 * texels[i10, 2] + w11 * texels[i11, 2]
-            )
-            if alpha < 1.0 or texels[i00, 3] < 255:
-                alpha *= texels[i00, 3] * per
-    return min(r * gain, 255.0), min(g * gain, 255.0), min(b * gain, 255.0), alpha
+            level = material_levels[m, 0]
+            last = level + material_levels[m, 1] - 1
+            if bits & _MEAN_TEXEL:
+                level = last
+            else:
+                # Texels a pixel, from the areas: the projected triangle's is f² det / (2 z z z).
+                ratio = uv_area[f] * levels[level, 1] * levels[level, 2] * 2.0 * az * bz * qz
+                ratio /= focal * focal * max(det, 1e-30)
+                while ratio > 2.0 and level < last:
+                    ratio *= 0.25
+                    level += 1
+            mip[i] = level
+            for j in range(2):
+                u, v, w = uv[f, 0, j], uv[f, 1, j], uv[f, 2, j]
+                planes[i, 16 + 3 * j] = u * wax + v * wbx + w * wcx
+                planes[i, 17 + 3 * j] = u * way + v * wby + w * wcy
+                planes[i, 18 + 3 * j] = u * wac + v * wbc + w * wcc
 
 
 @kernel
@@ -190,22 +203,11 @@ def shade(
     x1: int,
     y1: int,
     ss: int,
-    words: Words,
-    glass_words: Words,
+    slots: Words,
+    glass_slots: Words,
     has_glass: bool,
-    faces: Ints,
-    cam: Doubles,
-    R: Doubles,
-    focal: float,
-    cx: float,
-    cy: float,
-    normals: Floats,
-    uv: Floats,
-    uv_area: Floats,
-    look: Bytes,
-    material: Ints,
-    rgba: Floats,
-    material_levels: Ints,
+    planes: Doubles,
+    mip: Ints,
     levels: Ints,
     texels: Bytes,
     rgb_out: Bytes,
@@ -214,88 +216,111 @@ def shade(
 ) -> None:
     """Colour, coverage and depth of the pixels [x0, x1) x [y0, y1) of one view.
 
-    A face that holds several samples of a pixel is shaded once, at their centroid (as in multisample
-    anti-aliasing). Glass is mixed over the opaque face behind it, sample by sample; where there is none
-    behind, it shows its own colour: the mask counts it as covered.
+    A pixel whose samples all see one face is shaded once, at its centre; any other at each sample. Glass is
+    mixed over the opaque face behind it; where there is none, it shows its own colour, as the mask counts
+    it as covered.
     """
-    lights = np.empty((3, 3))
-    for j in range(3):
-        # Into the object frame, where the normals are.
-        lights[0, j] = _KEY[3] * (_KEY[0] * R[0, j] + _KEY[1] * R[1, j] + _KEY[2] * R[2, j])
-        lights[1, j] = _FILL[3] * (_FILL[0] * R[0, j] + _FILL[1] * R[1, j] + _FILL[2] * R[2, j])
-        lights[2, j] = -_SKY * R[1, j]
-    plane = np.zeros(32)
-    state = np.zeros(4, np.int32)
     n = ss * ss
-    top = np.empty(n, np.int32)
-    under = np.empty(n, np.int32)
-    weight = np.empty(n)
-    prepared = -1
+    per_ss = 1.0 / ss
+    stride = slots.shape[1]
+    flat, glass_flat = slots.ravel(), glass_slots.ravel()
+    offset = np.empty(n, np.int64)
+    for i in range(n):
+        offset[i] = i // ss * stride + i % ss
     for row in range(y0, y1):
         for col in range(x0, x1):
-            covered = 0
-            any_glass = False
-            same = True
-            for i in range(n):
-                r, c = row * ss + i // ss, col * ss + i % ss
-                word = words[r, c]
-                under[i] = _ID_MAX - (word & _ID_MAX) if word > 0 else -1
-                top[i] = -1
-                if has_glass and glass_words[r, c] > word:
-                    top[i] = _ID_MAX - (glass_words[r, c] & _ID_MAX)
-                    any_glass = True
-                covered += under[i] >= 0 or top[i] >= 0
-                same &= under[i] == under[0]
-                weight[i] = 1.0
-            if covered == 0:
+            corner = row * ss * stride + col * ss
+            first = flat[corner]
+            evaluations = 1
+            for i in range(1, n):
+                if flat[corner + offset[i]] != first:
+                    evaluations = n
+            glass = False
+            if has_glass:
+                for i in range(n):
+                    glass |= glass_flat[corner + offset[i]] >= 0
+                if glass:
+                    evaluations = n
+            if first < 0 and evaluations == 1 and not glass:
                 continue
             red, green, blue = 0.0, 0.0, 0.0
-            depth_face, depth_samples = -1, 0
-            for layer in range(0 if any_glass else 1, 2):
-                ids = top if layer == 0 else under
-                for i in range(n):
-                    f = ids[i]
-                    if f < 0:
+            covered, depth_slot, depth_count = 0, np.int64(-1), 0
+            x, y = col + 0.5, row + 0.5
+            if evaluations > 1:
+                x, y = col - 0.5 * per_ss, row + 0.5 * per_ss
+            in_row = 0
+            for i in range(evaluations):
+                if evaluations > 1:
+                    x += per_ss
+                    in_row += 1
+                    if in_row > ss:
+                        in_row = 1
+                        x = col + 0.5 * per_ss
+                        y += per_ss
+                at = corner + offset[i]
+                under = flat[at]
+                top = glass_flat[at] if glass else np.int64(-1)
+                front = top if top >= 0 else under
+                if front < 0:
+                    continue
+                covered += 1
+                if front != depth_slot:
+                    same = 1
+                    for j in range(i + 1, evaluations):
+                        other = flat[corner + offset[j]]
+                        if glass and glass_flat[corner + offset[j]] >= 0:
+                            other = glass_flat[corner + offset[j]]
+                        same += other == front
+                    if same > depth_count:
+                        depth_slot, depth_count = front, same
+                left = 1.0
+                for layer in range(0 if top >= 0 else 1, 2):
+                    s = top if layer == 0 else under
+                    if s < 0:
                         continue
-                    share, sx, sy, samples = 0.0, 0.0, 0.0, 0
-                    for j in range(i, n):
-                        if ids[j] == f:
-                            share += weight[j]
-                            sx += j % ss
-                            sy += j // ss
-                            samples += 1
-                    if f != prepared:
-                        _prepare(
-                            f, faces, cam, focal, cx, cy, normals, uv, uv_area, look, material,
-                            material_levels, levels, lights, plane, state,
-                        )  # fmt: skip
-                        prepared = f
-                    x = col + (sx / samples + 0.5) / ss
-                    y = row + (sy / samples + 0.5) / ss
-                    pr, pg, pb, pa = _shade(x, y, plane, state, rgba, levels, texels, lights)
-                    for j in range(n - 1, i - 1, -1):
-                        if ids[j] == f:
-                            ids[j] = -1
-                            if layer == 0:
-                                own = 1.0 if under[j] < 0 else pa
-                                weight[j] = 1.0 - own
-                                red += own * pr
-                                green += own * pg
-                                blue += own * pb
-                    if layer == 1:
-                        red += share * pr
-                        green += share * pg
-                        blue += share * pb
-                    if samples > depth_samples and (layer == 0 or depth_face < 0 or not any_glass):
-                        depth_samples = samples
-                        depth_face = f
-                        total = plane[9] * (col + 0.5) + plane[10] * (row + 0.5) + plane[11]
-                        total = min(max(total, plane[13]), plane[14])
-                        depth_out[row, col] = plane[12] / total
-                    if layer == 1 and same and not any_glass:
-                        break
+                    per = planes[s, 0] * x + planes[s, 1] * y + planes[s, 2]
+                    per = 1.0 / min(max(per, planes[s, 7]), planes[s, 8])
+                    gain = (planes[s, 3] * x + planes[s, 4] * y + planes[s, 5]) * per
+                    gain = min(max(gain, planes[s, 9]), planes[s, 10])
+                    pr, pg, pb, pa = planes[s, 11], planes[s, 12], planes[s, 13], planes[s, 14]
+                    level = mip[s]
+                    if level >= 0:
+                        start, tw, th = levels[level, 0], levels[level, 1], levels[level, 2]
+                        u = (planes[s, 16] * x + planes[s, 17] * y + planes[s, 18]) * per
+                        v = (planes[s, 19] * x + planes[s, 20] * y + planes[s, 21]) * per
+                        # Bilinear, repeating; the first row of texels is the top, v = 1.
+                        tx = (u - np.floor(u)) * tw - 0.5
+                        ty = (1.0 - (v - np.floor(v))) * th - 0.5
+                        xi, yi = int(np.floor(tx)), int(np.floor(ty))
+                        fx, fy = tx - xi, ty - yi
+                        xj, yj = xi + 1, yi + 1
+                        xi = xi + tw if xi < 0 else xi
+                        yi = yi + th if yi < 0 else yi
+                        xj = xj - tw if xj >= tw else xj
+                        yj = yj - th if yj >= th else yj
+                        i00, i01 = start + yi * tw + xi, start + yi * tw + xj
+                        i10, i11 = start + yj * tw + xi, start + yj * tw + xj
+                        w11 = fx * fy / 255.0
+                        w01 = fx / 255.0 - w11
+                        w10 = fy / 255.0 - w11
+                        w00 = 1.0 / 255.0 - w01 - w10 - w11
+                        pr *= w00 * texels[i00, 0] + w01 * texels[i01, 0] + w10 * texels[i10, 0] + w11 * texels[i11, 0]
+                        pg *= w00 * texels[i00, 1] + w01 * texels[i01, 1] + w10 * texels[i10, 1] + w11 * texels[i11, 1]
+                        pb *= w00 * texels[i00, 2] + w01 * texels[i01, 2] + w10 * texels[i10, 2] + w11 * texels[i11, 2]
+                        if layer == 0:
+                            pa *= w00 * texels[i00, 3] + w01 * texels[i01, 3] + w10 * texels[i10, 3] + w11 * texels[i11, 3]
+                    own = pa if layer == 0 and under >= 0 else left
+                    left = 1.0 - own
+                    red += own * min(pr * gain, 255.0)
+                    green += own * min(pg * gain, 255.0)
+                    blue += own * min(pb * gain, 255.0)
+            if covered == 0:
+                continue
             per = 1.0 / covered
             rgb_out[row, col, 0] = np.uint8(min(red * per + 0.5, 255.0))
             rgb_out[row, col, 1] = np.uint8(min(green * per + 0.5, 255.0))
             rgb_out[row, col, 2] = np.uint8(min(blue * per + 0.5, 255.0))
-            alpha_out[row, col] = (covered * 255 + n // 2) // n
+            alpha_out[row, col] = (covered * 255 + evaluations // 2) // evaluations
+            s = depth_slot
+            total = planes[s, 0] * (col + 0.5) + planes[s, 1] * (row + 0.5) + planes[s, 2]
+            depth_out[row, col] = planes[s, 6] / min(max(total, planes[s, 7]), planes[s, 8])

@@ -27,7 +27,8 @@ _ONE = 1 << _SUB
 _GUARD = float(1 << 26)  # beyond that many 1/4096 samples, edges are drawn in floating point
 _W_SCALE = float(1 << 30)  # fixed-point 1/z of the nearest vertex
 _W_DROP = 13  # low bits of it that are noise: what is left resolves 2e-5 at z = 2
-_SPAN = 6  # bounding boxes wider than this are cut to the row's exact span
+_W_TO_WORD = float(1 << (ID_BITS - _W_DROP))
+_SPAN = 16  # bounding boxes wider than this are cut to the row's exact span
 
 Words = NDArray[np.int64]
 Ints = NDArray[np.int32]
@@ -42,12 +43,10 @@ def project(
     focal: float,
     cx: float,
     cy: float,
-    width: int,
-    height: int,
     ss: int,
-    cam: Doubles,
+    scale: float,
     screen: Ints,
-) -> tuple[int, int, int, int, bool, float]:
+) -> tuple[int, int, int, int, bool]:
     """Vertices into the camera frame and onto the sample grid.
 
     Args:
@@ -57,97 +56,126 @@ def project(
         focal: Pixels.
         cx: Principal point, continuous pixels.
         cy: Principal point, continuous pixels.
-        width: Pixels.
-        height: Pixels.
         ss: Samples a pixel along each axis.
-        cam: (V, 3), written: positions in the camera frame.
+        scale: From 1/z to its fixed-point value, see depth_scale.
         screen: (V, 4), written: x, y in 1/4096 samples, fixed-point 1/z, 1 if it cannot be snapped.
 
     Returns:
-        Pixel rectangle [x0, y0, x1, y1) that may be covered, whether any vertex cannot be snapped, and the
-        scale from 1/z to its fixed-point value.
+        x_min, y_min, x_max, y_max of the snapped vertices in whole samples, outwards, and whether any vertex
+        could not be snapped.
     """
-    z_min = np.inf
-    for i in range(len(vertices)):
-        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-        cam[i, 0] = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + t[0]
-        cam[i, 1] = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + t[1]
-        cam_z = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + t[2]
-        cam[i, 2] = cam_z
-        z_min = min(z_min, cam_z)
-    scale = _W_SCALE * max(z_min, NEAR)
-    x_lo, y_lo, x_hi, y_hi = np.inf, np.inf, -np.inf, -np.inf
-    unsnapped = False
     f = focal * ss * _ONE
     ox = (cx * ss - 0.5) * _ONE
     oy = (cy * ss - 0.5) * _ONE
+    x_lo, y_lo, x_hi, y_hi = np.int32(2**30), np.int32(2**30), np.int32(-(2**30)), np.int32(-(2**30))
+    unsnapped = np.int32(0)
+    r00, r01, r02, r10, r11, r12 = R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2]
+    r20, r21, r22, t0, t1, t2 = R[2, 0], R[2, 1], R[2, 2], t[0], t[1], t[2]
     for i in range(len(vertices)):
-        z = cam[i, 2]
+        vx, vy, vz = np.float64(vertices[i, 0]), np.float64(vertices[i, 1]), np.float64(vertices[i, 2])
+        z = r20 * vx + r21 * vy + r22 * vz + t2
         w = 1.0 / max(z, NEAR)
-        x = f * cam[i, 0] * w + ox
-        y = f * cam[i, 1] * w + oy
-        bad = z < NEAR or abs(x) > _GUARD or abs(y) > _GUARD
-        unsnapped |= bad
-        x = min(max(x, -_GUARD), _GUARD)
-        y = min(max(y, -_GUARD), _GUARD)
-        screen[i, 0] = np.int32(np.floor(x + 0.5))
-        screen[i, 1] = np.int32(np.floor(y + 0.5))
-        screen[i, 2] = np.int32(w * scale)
+        x = f * (r00 * vx + r01 * vy + r02 * vz + t0) * w + ox
+        y = f * (r10 * vx + r11 * vy + r12 * vz + t1) * w + oy
+        bad = np.int32((z < NEAR) | (abs(x) > _GUARD) | (abs(y) > _GUARD))
+        xi = np.int32(np.floor(min(max(x, -_GUARD), _GUARD) + 0.5))
+        yi = np.int32(np.floor(min(max(y, -_GUARD), _GUARD) + 0.5))
+        screen[i, 0] = xi
+        screen[i, 1] = yi
+        screen[i, 2] = np.int32(min(w * scale, _W_SCALE))
         screen[i, 3] = bad
-        x_lo, x_hi = min(x_lo, x), max(x_hi, x)
-        y_lo, y_hi = min(y_lo, y), max(y_hi, y)
-    if unsnapped:
-        return 0, 0, width, height, True, scale
-    unit = ss * _ONE
-    return (
-        min(max(int(np.floor(x_lo / unit)), 0), width),
-        min(max(int(np.floor(y_lo / unit)), 0), height),
-        min(max(int(np.ceil(x_hi / unit)) + 1, 0), width),
-        min(max(int(np.ceil(y_hi / unit)) + 1, 0), height),
-        False,
-        scale,
-    )
+        unsnapped |= bad
+        x_lo, x_hi = min(x_lo, xi), max(x_hi, xi)
+        y_lo, y_hi = min(y_lo, yi), max(y_hi, yi)
+    return x_lo >> _SUB, y_lo >> _SUB, (x_hi >> _SUB) + 1, (y_hi >> _SUB) + 1, unsnapped != 0
+
+
+def depth_scale(z_min: float) -> float:
+    """The scale that makes a depth word of 1/z, for a view whose nearest vertex is at ``z_min`` or beyond."""
+    return _W_SCALE * max(z_min, NEAR)
+
+
+@kernel
+def cull(
+    faces: Ints, begin: int, end: int, screen: Ints, columns: int, rows: int, unsnapped: bool, kept: Ints
+) -> int:
+    """List in ``kept`` the faces among ``begin`` to ``end`` that may cover a sample; returns their number.
+
+    Most faces of a fine mesh lie between the samples. Here each costs a few additions and no branch that
+    could be mispredicted.
+    """
+    count = 0
+    for f in range(begin, end):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        xa, xb, xc = np.int64(screen[a, 0]), np.int64(screen[b, 0]), np.int64(screen[c, 0])
+        ya, yb, yc = np.int64(screen[a, 1]), np.int64(screen[b, 1]), np.int64(screen[c, 1])
+        c0 = max((min(xa, min(xb, xc)) + (_ONE - 1)) >> _SUB, 0)
+        c1 = min(max(xa, max(xb, xc)) >> _SUB, columns - 1)
+        r0 = max((min(ya, min(yb, yc)) + (_ONE - 1)) >> _SUB, 0)
+        r1 = min(max(ya, max(yb, yc)) >> _SUB, rows - 1)
+        # A box with a single sample: on which side of the edges it lies is all there is to know.
+        px, py = c0 << _SUB, r0 << _SUB
+        e_ab = (xb - xa) * (py - ya) - (yb - ya) * (px - xa)
+        e_bc = (xc - xb) * (py - yb) - (yc - yb) * (px - xb)
+        e_ca = (xa - xc) * (py - yc) - (ya - yc) * (px - xc)
+        straddles = ((e_ab > 0) | (e_bc > 0) | (e_ca > 0)) & ((e_ab < 0) | (e_bc < 0) | (e_ca < 0))
+        single = (c0 == c1) & (r0 == r1)
+        keep = (c0 <= c1) & (r0 <= r1) & ~(single & straddles)
+        if unsnapped:
+            keep &= (screen[a, 3] | screen[b, 3] | screen[c, 3]) == 0
+        kept[count] = f
+        count += np.int64(keep)
+    return count
 
 
 @kernel
 def draw(
     faces: Ints,
-    begin: int,
-    end: int,
+    kept: Ints,
+    count: int,
     screen: Ints,
     columns: int,
     rows: int,
-    unsnapped: bool,
+    cutout: bool,
+    uv_area: NDArray[np.float32],
+    corner_uv: NDArray[np.float32],
+    face_material: Ints,
+    material_levels: Ints,
+    levels: Ints,
+    texels: NDArray[np.uint8],
     words: Words,
 ) -> None:
-    """Faces ``begin`` to ``end`` into ``words`` (rows, columns); unsnapped faces are left to draw_general."""
-    for f in range(begin, end):
+    """The first ``count`` faces in ``kept`` into ``words`` (rows * columns,).
+
+    With ``cutout`` a sample is drawn only where the texel of the face's mip level is at least half opaque.
+    """
+    level, tw, th, start = 0, 1, 1, 0
+    ua, va, ub, vb, uc, vc = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k_face in range(count):
+        f = np.int64(kept[k_face])
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         xa, xb, xc = np.int64(screen[a, 0]), np.int64(screen[b, 0]), np.int64(screen[c, 0])
-        c0 = (min(xa, min(xb, xc)) + (_ONE - 1)) >> _SUB
-        c1 = max(xa, max(xb, xc)) >> _SUB
-        c0 = max(c0, 0)
-        c1 = min(c1, columns - 1)
-        if c0 > c1:
-            continue
         ya, yb, yc = np.int64(screen[a, 1]), np.int64(screen[b, 1]), np.int64(screen[c, 1])
-        r0 = (min(ya, min(yb, yc)) + (_ONE - 1)) >> _SUB
-        r1 = max(ya, max(yb, yc)) >> _SUB
-        r0 = max(r0, 0)
-        r1 = min(r1, rows - 1)
-        if r0 > r1:
-            continue
-        if unsnapped and (screen[a, 3] | screen[b, 3] | screen[c, 3]):
-            continue
-        wa, wb, wc = screen[a, 2], screen[b, 2], screen[c, 2]
+        c0 = max((min(xa, min(xb, xc)) + (_ONE - 1)) >> _SUB, 0)
+        c1 = min(max(xa, max(xb, xc)) >> _SUB, columns - 1)
+        r0 = max((min(ya, min(yb, yc)) + (_ONE - 1)) >> _SUB, 0)
+        r1 = min(max(ya, max(yb, yc)) >> _SUB, rows - 1)
+        wa, wb, wc = np.int64(screen[a, 2]), np.int64(screen[b, 2]), np.int64(screen[c, 2])
         area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)
         if area == 0:
             continue
-        if area < 0:
-            area = -area
-            xb, xc = xc, xb
-            yb, yc = yc, yb
-            wb, wc = wc, wb
+        # Seen from behind: swap b and c, without a branch.
+        behind = area >> 63
+        area = (area ^ behind) - behind
+        swap = (xb ^ xc) & behind
+        xb ^= swap
+        xc ^= swap
+        swap = (yb ^ yc) & behind
+        yb ^= swap
+        yc ^= swap
+        swap = (wb ^ wc) & behind
+        wb ^= swap
+        wc ^= swap
         # Edge functions at the box's first sample; >= 0 inside, a tie belongs to top and left edges only.
         px = (c0 << _SUB) - xa
         py = (r0 << _SUB) - ya
@@ -155,25 +183,34 @@ def draw(
         bcx, bcy = xc - xb, yc - yb
         e_ab = abx * py - aby * px
         e_ca = cax * py - cay * px
-        e_bc = area - e_ab - e_ca
-        t_ab = e_ab - (1 - int(aby < 0 or (aby == 0 and abx > 0)))
-        t_bc = e_bc - (1 - int(bcy < 0 or (bcy == 0 and bcx > 0)))
-        t_ca = e_ca - (1 - int(cay < 0 or (cay == 0 and cax > 0)))
+        t_ab = e_ab - 1 + ((aby < 0) | ((aby == 0) & (abx > 0)))
+        t_bc = area - e_ab - e_ca - 1 + ((bcy < 0) | ((bcy == 0) & (bcx > 0)))
+        t_ca = e_ca - 1 + ((cay < 0) | ((cay == 0) & (cax > 0)))
         low = np.int64(ID_MAX - f)
-        if c0 == c1 and r0 == r1:
-            if (t_ab | t_bc | t_ca) >= 0:
-                w = wa + (e_ca * np.float64(wb - wa) + e_ab * np.float64(wc - wa)) / area
-                word = ((np.int64(w) >> _W_DROP) << ID_BITS) | low
-                words[r0, c0] = max(words[r0, c0], word)
-            continue
         per_area = 1.0 / area
-        ub = np.float64(wb - wa) * per_area
-        uc = np.float64(wc - wa) * per_area
-        w_row = wa + e_ca * ub + e_ab * uc
-        w_x = (-cay * ub - aby * uc) * _ONE
-        w_y = (cax * ub + abx * uc) * _ONE
+        wub = np.float64(wb - wa) * per_area
+        wuc = np.float64(wc - wa) * per_area
+        w_row = wa + e_ca * wub + e_ab * wuc
+        w_x = (-cay * wub - aby * wuc) * _ONE
+        w_y = (cax * wub + abx * wuc) * _ONE
         s_ab, s_bc, s_ca = -(aby << _SUB), -(bcy << _SUB), -(cay << _SUB)
+        if cutout:
+            k = 1 - behind  # the corner that is now b: 1, or 2 when swapped
+            ua, va = wa * np.float64(corner_uv[f, 0, 0]), wa * np.float64(corner_uv[f, 0, 1])
+            ub, vb = wb * np.float64(corner_uv[f, k, 0]) - ua, wb * np.float64(corner_uv[f, k, 1]) - va
+            uc, vc = wc * np.float64(corner_uv[f, 3 - k, 0]) - ua, wc * np.float64(corner_uv[f, 3 - k, 1]) - va
+            level = material_levels[face_material[f], 0]
+            last = level + material_levels[face_material[f], 1] - 1
+            ratio = uv_area[f] * levels[level, 1] * levels[level, 2] * 2.0 * _ONE * _ONE * per_area
+            while ratio > 2.0 and level < last:
+                ratio *= 0.25
+                level += 1
+            start, tw, th = levels[level, 0], levels[level, 1], levels[level, 2]
         wide = c1 - c0 >= _SPAN
+        d_row = np.int64(w_row * _W_TO_WORD)
+        d_x = np.int64(w_x * _W_TO_WORD)
+        d_y = np.int64(w_y * _W_TO_WORD)
+        lo, hi = c0, c1
         for r in range(r0, r1 + 1):
             if wide:
                 lo, hi = c0, c1
@@ -190,24 +227,37 @@ def draw(
                         hi = -1
                     elif s < 0:
                         hi = min(hi, c0 + e // -s)
-                for col in range(lo, hi + 1):
-                    w = w_row + np.float64(col - c0) * w_x
-                    word = (np.int64(np.int32(w) >> _W_DROP) << ID_BITS) | low
-                    words[r, col] = max(words[r, col], word)
+            if not cutout:
+                i = lo - c0
+                v_ab, v_bc, v_ca, d = t_ab + i * s_ab, t_bc + i * s_bc, t_ca + i * s_ca, d_row + i * d_x
+                at = r * columns + lo
+                # No branch in here: short rows run without mispredictions, long ones as vector code.
+                for j in range(hi - lo + 1):
+                    outside = ((v_ab + j * s_ab) | (v_bc + j * s_bc) | (v_ca + j * s_ca)) >> 63
+                    word = (((d + j * d_x) & ~ID_MAX) | low) & ~outside
+                    k_word = np.uintp(at + j)
+                    words[k_word] = max(words[k_word], word)
             else:
-                u_ab, u_bc, u_ca, w = t_ab, t_bc, t_ca, w_row
-                for col in range(c0, c1 + 1):
-                    if (u_ab | u_bc | u_ca) >= 0:
-                        word = (np.int64(np.int32(w) >> _W_DROP) << ID_BITS) | low
-                        words[r, col] = max(words[r, col], word)
-                    u_ab += s_ab
-                    u_bc += s_bc
-                    u_ca += s_ca
-                    w += w_x
+                for col in range(lo, hi + 1):
+                    i = col - c0
+                    if ((t_ab + i * s_ab) | (t_bc + i * s_bc) | (t_ca + i * s_ca)) < 0:
+                        continue
+                    word = ((d_row + i * d_x) & ~ID_MAX) | low
+                    if word <= words[r * columns + col]:
+                        continue
+                    px, py = (col << _SUB) - xa, (r << _SUB) - ya
+                    q_ca, q_ab = (cax * py - cay * px) * per_area, (abx * py - aby * px) * per_area
+                    per_w = 1.0 / (w_row + i * w_x + (r - r0) * w_y)
+                    u = (ua + q_ca * ub + q_ab * uc) * per_w
+                    v = (va + q_ca * vb + q_ab * vc) * per_w
+                    tx = min(int((u - np.floor(u)) * tw), tw - 1)
+                    ty = min(int((1.0 - (v - np.floor(v))) * th), th - 1)
+                    if texels[start + ty * tw + tx, 3] >= 128:
+                        words[r * columns + col] = word
             t_ab += abx << _SUB
             t_bc += bcx << _SUB
             t_ca += cax << _SUB
-            w_row += w_y
+            d_row += d_y
 
 
 @kernel
@@ -215,7 +265,6 @@ def draw_general(
     faces: Ints,
     begin: int,
     end: int,
-    only_unsnapped: bool,
     screen: Ints,
     cam: Doubles,
     focal: float,
@@ -225,7 +274,6 @@ def draw_general(
     scale: float,
     cutout: bool,
     corner_uv: NDArray[np.float32],
-    uv_area: NDArray[np.float32],
     face_material: Ints,
     material_levels: Ints,
     levels: Ints,
@@ -234,16 +282,15 @@ def draw_general(
     rows: int,
     words: Words,
 ) -> None:
-    """The slow road: faces that reach behind the camera, and cut-out faces (a texture with holes).
+    """The slow road, for faces that reach behind the camera or far out of the image.
 
     Homogeneous edge functions d . (P_j x P_k) of the ray d through the sample (Olano and Greer 1997)
-    need no clipping. A sample is drawn if z >= NEAR and, with ``cutout``, if the texel of the face's mip
-    level there is at least half opaque.
+    need no clipping. A sample is drawn if z >= NEAR. Cut-outs are looked up in the finest texture.
     """
     n = np.empty((3, 3))
     for f in range(begin, end):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if only_unsnapped and not (screen[a, 3] | screen[b, 3] | screen[c, 3]):
+        if not (screen[a, 3] | screen[b, 3] | screen[c, 3]):
             continue
         x_lo, y_lo, x_hi, y_hi = np.inf, np.inf, -np.inf, -np.inf
         for k in range(3):
@@ -275,13 +322,6 @@ def draw_general(
         level = 0
         if cutout:
             level = material_levels[face_material[f], 0]
-            last = level + material_levels[face_material[f], 1] - 1
-            depths = cam[a, 2] * cam[b, 2] * cam[c, 2]
-            ratio = uv_area[f] * levels[level, 1] * levels[level, 2] * 2.0 * depths
-            ratio /= (focal * ss) ** 2 * abs(det)
-            while ratio > 2.0 and level < last:
-                ratio *= 0.25
-                level += 1
         low = np.int64(ID_MAX - f)
         for r in range(r0, r1 + 1):
             dy = ((r + 0.5) / ss - cy) / focal
@@ -295,8 +335,8 @@ def draw_general(
                 w = la + lb + lc
                 if w <= 0.0 or w * NEAR > 1.0:
                     continue
-                word = ((np.int64(w * scale) >> _W_DROP) << ID_BITS) | low
-                if word <= words[r, col]:
+                word = (np.int64(w * scale * _W_TO_WORD) & ~ID_MAX) | low
+                if word <= words[r * columns + col]:
                     continue
                 if cutout:
                     u = (la * corner_uv[f, 0, 0] + lb * corner_uv[f, 1, 0] + lc * corner_uv[f, 2, 0]) / w
@@ -306,4 +346,4 @@ def draw_general(
                     ty = min(int((1.0 - (v - np.floor(v))) * th), th - 1)
                     if texels[levels[level, 0] + ty * tw + tx, 3] < 128:
                         continue
-                words[r, col] = word
+                words[r * columns + col] = word
