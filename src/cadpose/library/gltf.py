@@ -27,6 +27,7 @@ from cadpose.library.textures import TextureBudget
 
 _COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_DEEPEST = 256
 # Extensions that leave the geometry readable as it is.
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights", "EXT_texture_", "KHR_mesh_quantization")
 
@@ -250,6 +251,8 @@ def _assemble(loaded: dict[str, Any], materials: _Materials, name: str, limits: 
         matrix, frame, seen = np.eye(4), str(edge["frame_to"]), set[str]()
         while frame in edges and frame not in seen:
             seen.add(frame)
+            if len(seen) > _DEEPEST:
+                raise InputError(f"{name} nests its nodes more than {_DEEPEST} deep.")
             parent, step = edges[frame]
             matrix, frame = step @ matrix, parent
         parts.append(_part(piece, materials).transformed(matrix))

@@ -125,9 +125,10 @@ def _obj_parts(
     if data.count(b"\nv ") > limits.vertices:
         raise InputError(f"{name} has more than the {limits.vertices} vertices allowed.")
     text = data.decode("utf-8", errors="replace")
-    if not re.search(r"^[ \t]*f[ \t]", text, re.MULTILINE):
+    if not re.search(r"^f[ \t]", text, re.MULTILINE):
         raise InputError(f"{name} has no faces; only surfaces can be drawn.")
-    if re.search(r"^v[ \t].*\b(nan|inf)", text, re.MULTILINE | re.IGNORECASE):
+    # The statement "v nan 0 0" would make trimesh drop the vertices in silence.
+    if re.search(r"^v[ \t][-+.eE\d \t]*(nan|inf)", text, re.MULTILINE | re.IGNORECASE):
         raise InputError(f"{name} has vertices that are not finite numbers (NaN or infinity).")
     described = _read_mtl(data, name, assets, limits, warn)
     used = list(dict.fromkeys(m.strip() for m in _USEMTL.findall(text)))
