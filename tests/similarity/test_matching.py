@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from cadpose.similarity.local_features import unit
-from cadpose.similarity.matching import mutual_nearest, nearest_within, ratio_test
+from cadpose.similarity.matching import mutual_nearest, nearest_within
 
 
 def descriptors(n: int, d: int = 16, seed: int = 0) -> np.ndarray:
@@ -35,15 +35,8 @@ def test_nearest_within_is_one_directional_with_a_distance() -> None:
     assert len(mutual_nearest(a, b)) < 3
 
 
-def test_ratio_test_drops_the_ambiguous() -> None:
-    b = unit(np.array([[1, 0, 0], [1, 0.05, 0], [0, 0, 1]], np.float32))
-    a = unit(np.array([[1, 0.025, 0.3], [0.1, 0, 1]], np.float32))
-    np.testing.assert_array_equal(ratio_test(a, b), [[1, 2]])
-
-
 def test_nothing_to_match() -> None:
     none, some = np.empty((0, 16), np.float32), descriptors(3)
-    for match in (mutual_nearest, nearest_within, ratio_test):
+    for match in (mutual_nearest, nearest_within):
         assert match(none, some).shape == (0, 2)
         assert match(some, none).shape == (0, 2)
-    assert ratio_test(some, some[:1]).shape == (0, 2)

@@ -23,10 +23,8 @@ from cadpose.encoder import CHANNELS16, SIDE, Lite0, lite0
 from cadpose.geometry.boxes import Box
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import Mask, Views
-from cadpose.similarity.local_features import resize_squares, unit
+from cadpose.similarity.local_features import BACKGROUND, resize_squares, unit
 
-#: Renders are drawn over this grey, and crops should be letterboxed with it.
-BACKGROUND = 128
 #: Weight of the absolute log ratio of the two boxes' aspects.
 ASPECT_WEIGHT = 0.5
 #: The cell means count as if so many more renders, with the mean over all cells, had been there. It keeps
@@ -132,6 +130,35 @@ def compare(
     if aspect is not None:
         scores = scores - ASPECT_WEIGHT * np.abs(np.log(aspect / renders.aspect))
     return np.asarray(scores, np.float64)
+
+
+def best_in_brackets(
+    photo: NDArray[np.float32],
+    brackets: Sequence[ViewMaps],
+    *,
+    aspect: float | None = None,
+    tolerance: int = 0,
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Each CAD's best score over its renders at several rotations, all compared at once.
+
+    Args:
+        photo: (112, 14, 14) map of the crop.
+        brackets: K described CADs, each with one or more rotations.
+        aspect: See :func:`compare`.
+        tolerance: See :func:`compare`.
+
+    Returns:
+        (K,) scores and (K,) indices of the best render within each bracket, the first of equal ones.
+
+    Raises:
+        ValueError: a bracket is empty; see also :func:`compare`.
+    """
+    if not brackets or not all(len(b) for b in brackets):
+        raise ValueError("every bracket needs at least one render")
+    scores = compare(photo, ViewMaps.joined(brackets), aspect=aspect, tolerance=tolerance)
+    parts = np.split(scores, np.cumsum([len(b) for b in brackets])[:-1])
+    best = np.array([int(np.argmax(part)) for part in parts], np.int64)
+    return np.array([part[i] for part, i in zip(parts, best, strict=True)]), best
 
 
 class AlignedCosine:

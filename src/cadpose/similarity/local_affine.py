@@ -14,7 +14,7 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.records import Mask, Views
 from cadpose.similarity import measures
 from cadpose.similarity.affine import AffineFit, ransac_affine
-from cadpose.similarity.local_features import DenseLite0, Features, LocalFeatures, Sift
+from cadpose.similarity.local_features import BACKGROUND, DenseLite0, Features, LocalFeatures, Sift
 from cadpose.similarity.matching import FloatMatrix, Pairs, mutual_nearest
 
 Measure = Literal["sm1", "sm2", "sm3", "sm1_normalised", "sm3_normalised"]
@@ -109,7 +109,7 @@ class LocalAffine:
             views: Renders; only features within their masks are used.
         """
         photo = self.features.describe(crop[None], None if mask is None else mask[None])[0]
-        renders = self.features.describe(views.over(), views.mask)
+        renders = self.features.describe(views.over(BACKGROUND), views.mask)
         matches = tuple(self._match(photo, render) for render in renders)
         return AffineComparison(matches, _all_measures([m.fit for m in matches]))
 

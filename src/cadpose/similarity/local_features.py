@@ -13,6 +13,9 @@ from cadpose.encoder import SIDE, Lite0, lite0
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import Mask
 
+#: Renders are drawn over this grey, and crops should be letterboxed with it.
+BACKGROUND = 128
+
 
 @dataclass(frozen=True, eq=False)
 class Features:

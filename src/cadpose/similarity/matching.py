@@ -46,18 +46,3 @@ def nearest_within(a: FloatMatrix, b: FloatMatrix, max_distance: float = 0.8) ->
     # For unit vectors |a - b|² = 2 - 2 a·b.
     near = 2.0 - 2.0 * similarity[rows, nearest] <= max_distance**2
     return np.stack([rows[near], nearest[near]], axis=1).astype(np.int64)
-
-
-def ratio_test(a: FloatMatrix, b: FloatMatrix, max_ratio: float = 0.8) -> Pairs:
-    """Every descriptor of ``a`` whose nearest of ``b`` is clearly nearer than its second (Lowe's test).
-
-    Returns:
-        (M, 2) indices into ``a`` and ``b``; empty where ``b`` has fewer than two descriptors.
-    """
-    if not len(a) or len(b) < 2:
-        return np.empty((0, 2), np.int64)
-    squared = 2.0 - 2.0 * np.sort(a @ b.T, axis=1)[:, -2:]
-    nearest = (a @ b.T).argmax(axis=1)
-    clear = squared[:, 1] < max_ratio**2 * squared[:, 0]
-    rows = np.flatnonzero(clear)
-    return np.stack([rows, nearest[rows]], axis=1).astype(np.int64)
