@@ -1,0 +1,221 @@
+"""The default detector: SSD-MobileNetV2 proposes boxes, EfficientNet-Lite0 repairs their classes.
+
+The two err apart: the SSD finds a lamp and calls it an umbrella, Lite0 knows the lamp but not where it
+is. So every box of the SSD, of whatever class, is a proposal; both networks vote on its category:
+
+    F(c) = 1 - (1 - r D(c)) (1 - t L(c)),   t = TRUST sqrt(objectness)
+
+D is the SSD's best score for the category among boxes on the same place, L is Lite0's probability on
+the crop. A low L says little, since crops of busy scenes look like none of the 1000 classes; but where
+Lite0 is sure of another category, r = 1 - TRUST max(0, 2 L(other) - 1) takes the SSD's word back. Where
+Lite0 is sure of what the whole photo shows and no box was kept for it, the best of the SSD's faint boxes is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cadpose.detection.coco import COCO_NAMES
+from cadpose.detection.imagenet import category_probabilities
+from cadpose.detection.ssd import RawBoxes, Ssd
+from cadpose.encoder import Lite0, lite0
+from cadpose.geometry.boxes import Box, box_iou
+from cadpose.geometry.frames import FloatArray
+from cadpose.library.class_map import category_from_coco
+from cadpose.photos import crop_square
+from cadpose.records import Detection, Photo
+
+#: How far Lite0's word counts against the SSD's.
+TRUST = 0.8
+#: Boxes of this overlap are one place.
+SAME_PLACE = 0.6
+#: Lowest score of the SSD that makes a proposal.
+FLOOR = 0.08
+#: Lowest score of the SSD that is read at all: faint boxes of any class still follow the edges of objects.
+FAINT = 0.02
+#: A faint box counts from this share of the photo's area on.
+LARGE = 0.1
+#: Most proposals that Lite0 looks at.
+MOST = 16
+#: Lite0's probability on the whole photo above which an object is boxed that the SSD did not see.
+SURE = 0.5
+#: Grey around a letterboxed crop: Lite0's zero.
+GREY = 127
+#: COCO calls pickups trucks and vans buses, which a library files under cars: half a vote for those.
+VANS = frozenset([6, 8])
+#: COCO ids of people, animals and food: never an object of the library.
+LIVING = frozenset([1, *range(16, 26), *range(52, 62)])
+
+
+@dataclass(slots=True)
+class _Place:
+    """Boxes of many classes on one place."""
+
+    box: FloatArray
+    votes: dict[str, float] = field(default_factory=dict)
+    objectness: float = 0.0
+    living: float = 0.0
+
+
+class EmbeddedDetector:
+    """Finds objects with what the installed packages carry; needs no download.
+
+    Args:
+        categories: Library categories to keep; None keeps all.
+        min_score: Lowest score that is returned.
+        tiles: Also look at quarters of the photo: finds smaller objects, takes five times as long.
+        smallest: Boxes with a shorter side than this share of the photo's longer side are dropped.
+        most: Largest number of detections a photo.
+        encoder: Lite0; the process's shared one by default.
+    """
+
+    name = "embedded"
+
+    def __init__(
+        self,
+        categories: Collection[str] | None = None,
+        *,
+        min_score: float = 0.3,
+        tiles: bool = True,
+        smallest: float = 0.03,
+        most: int = 20,
+        encoder: Lite0 | None = None,
+    ) -> None:
+        self.categories = None if categories is None else frozenset(categories)
+        self.min_score = min_score
+        self.tiles = tiles
+        self.smallest = smallest
+        self.most = most
+        self.encoder = encoder or lite0()
+        self._ssd = Ssd()
+
+    def detect(self, photo: Photo) -> list[Detection]:
+        """Detections, best first.
+
+        Raises:
+            DependencyError: the SSD's weights are missing or damaged.
+        """
+        raw = self._ssd.boxes(photo.rgb, floor=FAINT, tiles=self.tiles)
+        places = self._large_enough(_places(raw), photo)[:MOST]
+        boxes = [Box(*p.box.tolist()) for p in places]
+        seen = self._seen(photo, [*boxes, Box(0.0, 0.0, photo.width, photo.height)])
+        found = []
+        for place, box, probabilities in zip(places, boxes, seen[:-1], strict=True):
+            if ranked := _fused(place, probabilities, self.categories):
+                found.append(_detection(box, ranked, self.name))
+        kept = _without_repeats([d for d in found if d.score >= self.min_score])
+        kept += self._unboxed(photo, kept, raw, seen[-1])
+        return sorted(kept, key=lambda d: -d.score)[: self.most]
+
+    def _large_enough(self, places: list[_Place], photo: Photo) -> list[_Place]:
+        least = max(self.smallest * max(photo.width, photo.height), 8.0)
+        return [p for p in places if (p.box[2:] - p.box[:2]).min() >= least]
+
+    def _seen(self, photo: Photo, boxes: list[Box]) -> list[dict[str, float]]:
+        """Lite0's category probabilities of each box."""
+        crops = np.stack([crop_square(photo.rgb, b, fill=GREY) for b in boxes])
+        return category_probabilities(self.encoder.logits(crops))
+
+    def _unboxed(
+        self, photo: Photo, kept: list[Detection], raw: RawBoxes, whole: dict[str, float]
+    ) -> list[Detection]:
+        """The object that Lite0 is sure the photo shows, where nothing of its category was kept."""
+        ranked = sorted(
+            ((c, p) for c, p in whole.items() if self.categories is None or c in self.categories),
+            key=lambda item: -item[1],
+        )
+        if not ranked or ranked[0][1] < SURE or any(d.category == ranked[0][0] for d in kept):
+            return []
+        category = ranked[0][0]
+        size = raw.boxes[:, 2:] - raw.boxes[:, :2]
+        large = size.prod(axis=1) >= LARGE * photo.width * photo.height
+        full = np.array([0.0, 0.0, photo.width, photo.height])
+        distinct: list[FloatArray] = [full]
+        for box in raw.boxes[large][np.argsort(-raw.scores[large], kind="stable")]:
+            if len(distinct) <= MOST and box_iou(np.array(distinct), box).max() < 0.7:
+                distinct.append(box)
+        boxes = [Box(*b.tolist()) for b in distinct]
+        # A wide box that Lite0 knows as well as a narrow one holds more of the object.
+        worth = [p[category] * (b.area**0.25) for p, b in zip(self._seen(photo, boxes), boxes, strict=True)]
+        box = boxes[int(np.argmax(worth))]
+        return [_detection(box, [(c, TRUST * p) for c, p in ranked], self.name)]
+
+
+def _fused(
+    place: _Place, seen: dict[str, float], categories: Collection[str] | None
+) -> list[tuple[str, float]]:
+    """Both networks' word on a place: the wanted categories with their scores, best first."""
+    trust = TRUST * float(np.sqrt(place.objectness)) * (1.0 - place.living)
+    known, sure = max(seen.items(), key=lambda item: item[1])
+    doubt = TRUST * max(0.0, 2.0 * sure - 1.0)
+    fused = {}
+    for category in dict.fromkeys([*place.votes, *seen]):
+        if categories is None or category in categories:
+            vote = place.votes.get(category, 0.0) * (1.0 if category == known else 1.0 - doubt)
+            fused[category] = 1.0 - (1.0 - vote) * (1.0 - trust * seen.get(category, 0.0))
+    return sorted(fused.items(), key=lambda item: -item[1])
+
+
+def _detection(box: Box, ranked: list[tuple[str, float]], source: str) -> Detection:
+    (category, score), others = ranked[0], ranked[1:4]
+    return Detection(
+        box=box,
+        category=category,
+        score=float(min(score, 1.0)),
+        source=source,
+        alternatives=tuple((c, float(s)) for c, s in others if s >= 0.05),
+    )
+
+
+def _places(raw: RawBoxes) -> list[_Place]:
+    """Boxes gathered by overlap across classes, best first; the best box of a place stands for it."""
+    places: list[_Place] = []
+    for i in np.argsort(-raw.scores, kind="stable"):
+        score, box, coco = float(raw.scores[i]), raw.boxes[i], int(raw.classes[i])
+        near = box_iou(np.array([p.box for p in places]), box) if places else np.zeros(0)
+        if len(near) and near.max() >= SAME_PLACE:
+            place = places[int(near.argmax())]
+        elif score >= FLOOR:
+            place = _Place(box=box)
+            places.append(place)
+        else:
+            continue
+        place.objectness = max(place.objectness, score)
+        if coco in LIVING:
+            place.living = max(place.living, score)
+        elif category := category_from_coco(COCO_NAMES.get(coco, "")):
+            votes = {category: score}
+            if coco in VANS:
+                votes["car"] = score / 2.0
+            for name, vote in votes.items():
+                place.votes[name] = max(place.votes.get(name, 0.0), vote)
+    # Large places with a category first: Lite0 looks at a limited number.
+    return sorted(places, key=lambda p: -max([p.objectness / 2, *p.votes.values()]) * _area(p.box) ** 0.25)
+
+
+def _area(box: FloatArray) -> float:
+    return float((box[2:] - box[:2]).prod())
+
+
+def _without_repeats(found: list[Detection]) -> list[Detection]:
+    """Greedy suppression: half overlap across categories; nine tenths inside its like within one."""
+    kept: list[Detection] = []
+    for d in sorted(found, key=lambda d: -d.score):
+        box = np.array(d.box.to_tuple())
+        if not any(
+            box_iou(box, np.array(k.box.to_tuple())) > (0.5 if k.category == d.category else SAME_PLACE)
+            or (k.category == d.category and _inside(d.box, k.box) > 0.9)
+            for k in kept
+        ):
+            kept.append(d)
+    return kept
+
+
+def _inside(a: Box, b: Box) -> float:
+    """Share of ``a`` that lies in ``b``."""
+    width = min(a.x1, b.x1) - max(a.x0, b.x0)
+    height = min(a.y1, b.y1) - max(a.y0, b.y0)
+    return max(width, 0.0) * max(height, 0.0) / a.area
