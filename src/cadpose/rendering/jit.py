@@ -18,7 +18,7 @@ def kernel(function: F) -> F:
     which costs a few seconds a process. Kernels call no kernel of another file: numba's cache would
     not notice that the other file has changed.
     """
-    options = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz", "arcp"}}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz", "arcp"}}
     try:
         compiled: F = numba.njit(cache=True, **options)(function)
     except RuntimeError:

@@ -53,7 +53,7 @@ class Rasteriser:
         ss = self.supersample
         n, height, width = len(cameras), cameras.height, cameras.width
         if max(width, height) * ss > 16384:
-            raise ValueError(f"an image of {width} x {height} is too large to draw: 16384 samples a side at most")
+            raise ValueError(f"{width} x {height} pixels are too many to draw: 16384 samples a side at most")
         scene = self._scene(mesh)
         rgb = np.zeros((n, height, width, 3), np.uint8)
         alpha = np.zeros((n, height, width), np.uint8)
@@ -109,7 +109,10 @@ class Rasteriser:
                 continue
             kept = self._buffer("kept", np.int32, end - begin)
             count = cull(scene.faces, begin, end, screen, columns, rows, unsnapped, kept)
-            draw(scene.faces, kept, count, screen, columns, rows, cutout, scene.uv_area, *mapped, target.ravel())
+            draw(
+                scene.faces, kept, count, screen, columns, rows, cutout, scene.uv_area, *mapped,
+                target.ravel(),
+            )  # fmt: skip
             if unsnapped:
                 cam = scene.vertices @ R.T + t
                 draw_general(
@@ -121,8 +124,9 @@ class Rasteriser:
         planes = self._buffer("planes", np.float64, count, 24)
         mip = self._buffer("mip", np.int32, count)
         prepare(
-            visible, count, scene.faces, scene.vertices, R, t, focal, cx, cy, scene.normals, scene.uv, scene.uv_area,
-            scene.look, scene.material, scene.rgba, scene.material_levels, scene.levels, planes, mip,
+            visible, count, scene.faces, scene.vertices, R, t, focal, cx, cy, scene.normals, scene.uv,
+            scene.uv_area, scene.look, scene.material, scene.rgba, scene.material_levels, scene.levels,
+            planes, mip,
         )  # fmt: skip
         shade(
             x0, y0, x1, y1, ss, words, glass, has_glass, planes, mip, scene.levels, scene.texels,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from itertools import product
 
 import cv2
@@ -66,23 +67,19 @@ def build_scene(mesh: Mesh) -> Scene:
     """
     if len(mesh.faces) > ID_MAX:
         raise ValueError(f"a mesh of {len(mesh.faces)} faces is too large to draw; {ID_MAX} is the most")
-    kind = np.array([_kind(material) for material in mesh.materials], np.int8)[mesh.face_material]
+    kind = np.array([material_kind(material) for material in mesh.materials], np.int8)[mesh.face_material]
     order = np.argsort(kind, kind="stable")
-    order = order[: int((kind < _INVISIBLE).sum())]
+    order = order[: int((kind < MaterialKind.INVISIBLE).sum())]
     faces = np.ascontiguousarray(mesh.faces[order])
     uv = np.ascontiguousarray(mesh.corner_uv[order])
     material = np.ascontiguousarray(mesh.face_material[order])
-    corners = mesh.vertices[faces]
-    winding = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = mesh.corner_normals[order]
-    against = np.einsum("fci,fi->fc", normals, winding) < 0
-    normals = np.where(against[..., None], -normals, normals)
+    normals = agreeing_normals(mesh)[order]
     side_a, side_b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     textured = np.array([m.texture is not None for m in mesh.materials])[material]
     look = np.where(textured, TEXTURED, 0).astype(np.uint8)
     look[np.abs(normals - normals[:, :1]).max(axis=(1, 2), initial=0) > 1e-3] |= SMOOTH
     look[textured & ~uv.any(axis=(1, 2))] |= MEAN_TEXEL
-    rgba = np.array([m.rgba for m in mesh.materials], np.float32) * np.float32([255, 255, 255, 1])
+    rgba = np.array([m.rgba for m in mesh.materials], np.float32) * np.array([255, 255, 255, 1], np.float32)
     material_levels, levels, texels = _mip_maps(mesh.materials)
     return Scene(
         vertices=mesh.vertices,
@@ -97,28 +94,43 @@ def build_scene(mesh: Mesh) -> Scene:
         levels=levels,
         texels=texels,
         corners=np.array(list(product(*mesh.bounds.T))),
-        opaque=int((kind == _OPAQUE).sum()),
-        cutout=int((kind == _CUTOUT).sum()),
+        opaque=int((kind == MaterialKind.OPAQUE).sum()),
+        cutout=int((kind == MaterialKind.CUTOUT).sum()),
     )
 
 
-_OPAQUE, _CUTOUT, _GLASS, _INVISIBLE = 0, 1, 2, 3
+def agreeing_normals(mesh: Mesh) -> NDArray[np.float32]:
+    """(F, 3, 3) corner normals turned to the side that their face's winding faces."""
+    corners = mesh.vertices[mesh.faces]
+    winding = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    against = np.einsum("fci,fi->fc", mesh.corner_normals, winding) < 0
+    return np.where(against[..., None], -mesh.corner_normals, mesh.corner_normals)
 
 
-def _kind(material: Material) -> int:
+class MaterialKind(IntEnum):
+    """How a material covers; the order in which a scene holds its faces."""
+
+    OPAQUE = 0
+    CUTOUT = 1  # a texture with holes
+    GLASS = 2
+    INVISIBLE = 3
+
+
+def material_kind(material: Material) -> MaterialKind:
+    """What a material's opacity and its texture's alpha make of it."""
     alpha = material.rgba[3]
     if alpha < INVISIBLE:
-        return _INVISIBLE
+        return MaterialKind.INVISIBLE
     if alpha < 0.995:
-        return _GLASS
+        return MaterialKind.GLASS
     if material.texture is None or material.texture.shape[2] == 3:
-        return _OPAQUE
+        return MaterialKind.OPAQUE
     opacity = material.texture[..., 3]
     if opacity.min(initial=255) > 250:
-        return _OPAQUE
+        return MaterialKind.OPAQUE
     # A few half-transparent texels are the soft rim of a hole; many are a pane.
     between = (opacity > 16) & (opacity < 240)
-    return _GLASS if between.mean() > 0.5 else _CUTOUT
+    return MaterialKind.GLASS if between.mean() > 0.5 else MaterialKind.CUTOUT
 
 
 def _mip_maps(

@@ -8,6 +8,8 @@ sides: they are turned to the side from which the face is seen.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +37,7 @@ def _intensity(x: float, y: float, z: float, lights: Doubles) -> float:
     key = x * lights[0, 0] + y * lights[0, 1] + z * lights[0, 2]
     fill = x * lights[1, 0] + y * lights[1, 1] + z * lights[1, 2]
     up = x * lights[2, 0] + y * lights[2, 1] + z * lights[2, 2]
-    return np.sqrt(_AMBIENT + up + max(key, 0.0) + max(fill, 0.0))
+    return math.sqrt(_AMBIENT + up + max(key, 0.0) + max(fill, 0.0))
 
 
 @kernel
@@ -304,11 +306,14 @@ def shade(
                         w01 = fx / 255.0 - w11
                         w10 = fy / 255.0 - w11
                         w00 = 1.0 / 255.0 - w01 - w10 - w11
-                        pr *= w00 * texels[i00, 0] + w01 * texels[i01, 0] + w10 * texels[i10, 0] + w11 * texels[i11, 0]
-                        pg *= w00 * texels[i00, 1] + w01 * texels[i01, 1] + w10 * texels[i10, 1] + w11 * texels[i11, 1]
-                        pb *= w00 * texels[i00, 2] + w01 * texels[i01, 2] + w10 * texels[i10, 2] + w11 * texels[i11, 2]
+                        upper = w00 * texels[i00, 0] + w01 * texels[i01, 0]
+                        pr *= upper + w10 * texels[i10, 0] + w11 * texels[i11, 0]
+                        upper = w00 * texels[i00, 1] + w01 * texels[i01, 1]
+                        pg *= upper + w10 * texels[i10, 1] + w11 * texels[i11, 1]
+                        upper = w00 * texels[i00, 2] + w01 * texels[i01, 2]
+                        pb *= upper + w10 * texels[i10, 2] + w11 * texels[i11, 2]
                         if layer == 0:
-                            pa *= w00 * texels[i00, 3] + w01 * texels[i01, 3] + w10 * texels[i10, 3] + w11 * texels[i11, 3]
+                            pa *= texels[i00, 3] / 255.0
                     own = pa if layer == 0 and under >= 0 else left
                     left = 1.0 - own
                     red += own * min(pr * gain, 255.0)

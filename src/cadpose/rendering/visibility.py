@@ -11,6 +11,8 @@ two triangles that share an edge cover each sample once.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +31,10 @@ _W_SCALE = float(1 << 30)  # fixed-point 1/z of the nearest vertex
 _W_DROP = 13  # low bits of it that are noise: what is left resolves 2e-5 at z = 2
 _W_TO_WORD = float(1 << (ID_BITS - _W_DROP))
 _SPAN = 16  # bounding boxes wider than this are cut to the row's exact span
+
+# Typed as Any, as scalars of numpy are neither int nor float to a type checker.
+_int64: Any = np.int64
+_int32: Any = np.int32
 
 Words = NDArray[np.int64]
 Ints = NDArray[np.int32]
@@ -67,8 +73,8 @@ def project(
     f = focal * ss * _ONE
     ox = (cx * ss - 0.5) * _ONE
     oy = (cy * ss - 0.5) * _ONE
-    x_lo, y_lo, x_hi, y_hi = np.int32(2**30), np.int32(2**30), np.int32(-(2**30)), np.int32(-(2**30))
-    unsnapped = np.int32(0)
+    x_lo, y_lo, x_hi, y_hi = _int32(2**30), _int32(2**30), _int32(-(2**30)), _int32(-(2**30))
+    unsnapped = _int32(0)
     r00, r01, r02, r10, r11, r12 = R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2]
     r20, r21, r22, t0, t1, t2 = R[2, 0], R[2, 1], R[2, 2], t[0], t[1], t[2]
     for i in range(len(vertices)):
@@ -77,12 +83,12 @@ def project(
         w = 1.0 / max(z, NEAR)
         x = f * (r00 * vx + r01 * vy + r02 * vz + t0) * w + ox
         y = f * (r10 * vx + r11 * vy + r12 * vz + t1) * w + oy
-        bad = np.int32((z < NEAR) | (abs(x) > _GUARD) | (abs(y) > _GUARD))
-        xi = np.int32(np.floor(min(max(x, -_GUARD), _GUARD) + 0.5))
-        yi = np.int32(np.floor(min(max(y, -_GUARD), _GUARD) + 0.5))
+        bad = _int32((z < NEAR) | (abs(x) > _GUARD) | (abs(y) > _GUARD))
+        xi = _int32(np.floor(min(max(x, -_GUARD), _GUARD) + 0.5))
+        yi = _int32(np.floor(min(max(y, -_GUARD), _GUARD) + 0.5))
         screen[i, 0] = xi
         screen[i, 1] = yi
-        screen[i, 2] = np.int32(min(w * scale, _W_SCALE))
+        screen[i, 2] = _int32(min(w * scale, _W_SCALE))
         screen[i, 3] = bad
         unsnapped |= bad
         x_lo, x_hi = min(x_lo, xi), max(x_hi, xi)
@@ -107,8 +113,8 @@ def cull(
     count = 0
     for f in range(begin, end):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        xa, xb, xc = np.int64(screen[a, 0]), np.int64(screen[b, 0]), np.int64(screen[c, 0])
-        ya, yb, yc = np.int64(screen[a, 1]), np.int64(screen[b, 1]), np.int64(screen[c, 1])
+        xa, xb, xc = _int64(screen[a, 0]), _int64(screen[b, 0]), _int64(screen[c, 0])
+        ya, yb, yc = _int64(screen[a, 1]), _int64(screen[b, 1]), _int64(screen[c, 1])
         c0 = max((min(xa, min(xb, xc)) + (_ONE - 1)) >> _SUB, 0)
         c1 = min(max(xa, max(xb, xc)) >> _SUB, columns - 1)
         r0 = max((min(ya, min(yb, yc)) + (_ONE - 1)) >> _SUB, 0)
@@ -124,7 +130,7 @@ def cull(
         if unsnapped:
             keep &= (screen[a, 3] | screen[b, 3] | screen[c, 3]) == 0
         kept[count] = f
-        count += np.int64(keep)
+        count += _int64(keep)
     return count
 
 
@@ -152,15 +158,15 @@ def draw(
     level, tw, th, start = 0, 1, 1, 0
     ua, va, ub, vb, uc, vc = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k_face in range(count):
-        f = np.int64(kept[k_face])
+        f = _int64(kept[k_face])
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        xa, xb, xc = np.int64(screen[a, 0]), np.int64(screen[b, 0]), np.int64(screen[c, 0])
-        ya, yb, yc = np.int64(screen[a, 1]), np.int64(screen[b, 1]), np.int64(screen[c, 1])
+        xa, xb, xc = _int64(screen[a, 0]), _int64(screen[b, 0]), _int64(screen[c, 0])
+        ya, yb, yc = _int64(screen[a, 1]), _int64(screen[b, 1]), _int64(screen[c, 1])
         c0 = max((min(xa, min(xb, xc)) + (_ONE - 1)) >> _SUB, 0)
         c1 = min(max(xa, max(xb, xc)) >> _SUB, columns - 1)
         r0 = max((min(ya, min(yb, yc)) + (_ONE - 1)) >> _SUB, 0)
         r1 = min(max(ya, max(yb, yc)) >> _SUB, rows - 1)
-        wa, wb, wc = np.int64(screen[a, 2]), np.int64(screen[b, 2]), np.int64(screen[c, 2])
+        wa, wb, wc = _int64(screen[a, 2]), _int64(screen[b, 2]), _int64(screen[c, 2])
         area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)
         if area == 0:
             continue
@@ -186,7 +192,7 @@ def draw(
         t_ab = e_ab - 1 + ((aby < 0) | ((aby == 0) & (abx > 0)))
         t_bc = area - e_ab - e_ca - 1 + ((bcy < 0) | ((bcy == 0) & (bcx > 0)))
         t_ca = e_ca - 1 + ((cay < 0) | ((cay == 0) & (cax > 0)))
-        low = np.int64(ID_MAX - f)
+        low = _int64(ID_MAX - f)
         per_area = 1.0 / area
         wub = np.float64(wb - wa) * per_area
         wuc = np.float64(wc - wa) * per_area
@@ -198,7 +204,8 @@ def draw(
             k = 1 - behind  # the corner that is now b: 1, or 2 when swapped
             ua, va = wa * np.float64(corner_uv[f, 0, 0]), wa * np.float64(corner_uv[f, 0, 1])
             ub, vb = wb * np.float64(corner_uv[f, k, 0]) - ua, wb * np.float64(corner_uv[f, k, 1]) - va
-            uc, vc = wc * np.float64(corner_uv[f, 3 - k, 0]) - ua, wc * np.float64(corner_uv[f, 3 - k, 1]) - va
+            k = 2 + behind
+            uc, vc = wc * np.float64(corner_uv[f, k, 0]) - ua, wc * np.float64(corner_uv[f, k, 1]) - va
             level = material_levels[face_material[f], 0]
             last = level + material_levels[face_material[f], 1] - 1
             ratio = uv_area[f] * levels[level, 1] * levels[level, 2] * 2.0 * _ONE * _ONE * per_area
@@ -207,9 +214,9 @@ def draw(
                 level += 1
             start, tw, th = levels[level, 0], levels[level, 1], levels[level, 2]
         wide = c1 - c0 >= _SPAN
-        d_row = np.int64(w_row * _W_TO_WORD)
-        d_x = np.int64(w_x * _W_TO_WORD)
-        d_y = np.int64(w_y * _W_TO_WORD)
+        d_row = _int64(w_row * _W_TO_WORD)
+        d_x = _int64(w_x * _W_TO_WORD)
+        d_y = _int64(w_y * _W_TO_WORD)
         lo, hi = c0, c1
         for r in range(r0, r1 + 1):
             if wide:
@@ -322,7 +329,7 @@ def draw_general(
         level = 0
         if cutout:
             level = material_levels[face_material[f], 0]
-        low = np.int64(ID_MAX - f)
+        low = _int64(ID_MAX - f)
         for r in range(r0, r1 + 1):
             dy = ((r + 0.5) / ss - cy) / focal
             for col in range(c0, c1 + 1):
@@ -335,7 +342,7 @@ def draw_general(
                 w = la + lb + lc
                 if w <= 0.0 or w * NEAR > 1.0:
                     continue
-                word = (np.int64(w * scale * _W_TO_WORD) & ~ID_MAX) | low
+                word = (_int64(w * scale * _W_TO_WORD) & ~ID_MAX) | low
                 if word <= words[r * columns + col]:
                     continue
                 if cutout:
