@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import lru_cache
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +143,24 @@ def import_item(item: ImportItem, meshes: str) -> Imported:
         return Imported(item, problem=f"{item.id} cannot be stored ({error}).")
 
 
+def _pool(workers: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_start_worker)
+
+
+def _start_worker() -> None:
+    # Ctrl-C is the parent's to handle; a worker whose parent was killed would wait for ever.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
 def import_all(items: list[ImportItem], meshes: Path, workers: int, done: Callable[[Imported], None]) -> None:
     """Import every item, in worker processes if ``workers`` > 1; ``done`` is called in this process.
 
@@ -152,7 +173,7 @@ def import_all(items: list[ImportItem], meshes: Path, workers: int, done: Callab
         return
     left = dict(enumerate(items))
     try:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        with _pool(workers) as pool:
             futures: dict[Future[Imported], int] = {
                 pool.submit(import_item, item, str(meshes)): number for number, item in left.items()
             }
@@ -167,7 +188,7 @@ def import_all(items: list[ImportItem], meshes: Path, workers: int, done: Callab
     except BrokenProcessPool:
         for item in left.values():
             try:
-                with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as single:
+                with _pool(1) as single:
                     result = single.submit(import_item, item, str(meshes)).result()
             except BrokenProcessPool:
                 result = Imported(item, problem=f"{item.id} made the import process end; it was left out.")
