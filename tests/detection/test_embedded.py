@@ -95,7 +95,7 @@ class TestFusion:
         near = (22.0, 98.0, 224.0, 303.0)
         found = detector(("chair", 0.7, LEFT), ("couch", 0.6, near), ("chair", 0.5, RIGHT)).detect(PHOTO)
         assert [(d.category, d.box.to_tuple()) for d in found] == [("chair", LEFT), ("chair", RIGHT)]
-        assert found[0].alternatives[0] == ("sofa", pytest.approx(0.6))
+        assert dict(found[0].alternatives)["sofa"] == pytest.approx(0.6)
 
     def test_pickups_count_half_as_cars(self) -> None:
         rows = [("truck", 0.7, LEFT)]
