@@ -150,6 +150,16 @@ def test_texture_without_coordinates_gives_its_mean_colour(tmp_path: Path) -> No
     assert "no coordinates" in told[0]
 
 
+def test_faces_with_and_without_coordinates_may_share_a_material(tmp_path: Path) -> None:
+    write(tmp_path, wood__png=png((255, 0, 51)), mixed__obj=SQUARE + "v 0 0 1\nf 1 2 5\nf 1/1 3/3 5/4\n")
+    write(tmp_path, square__mtl="newmtl paint\nmap_Kd wood.png\n")
+    mesh = load_mesh_file(tmp_path / "mixed.obj")
+    textured = [mesh.materials[m].texture is not None for m in mesh.face_material]
+    assert sorted(textured) == [False, True, True, True]
+    plain = mesh.materials[mesh.face_material[textured.index(False)]]
+    assert plain.rgba == pytest.approx((1.0, 0.0, 0.2, 1.0))
+
+
 def test_large_textures_are_reduced(tmp_path: Path) -> None:
     write(tmp_path, wood__png=png((1, 2, 3), (3000, 1500)))
     texture = load_square(tmp_path, "newmtl paint\nmap_Kd wood.png\n").materials[0].texture

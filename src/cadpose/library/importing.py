@@ -24,7 +24,7 @@ from cadpose.library.normalise import normalise
 from cadpose.library.sampling import shape_descriptor
 from cadpose.library.storage import mesh_to_bytes, sha256_of, write_atomic
 
-IMPORT_VERSION = 1
+IMPORT_VERSION = 2
 """Part of every fingerprint: raise it when the import of an unchanged file would give another mesh."""
 
 Progress = Callable[[int, int, str], None]

@@ -49,7 +49,7 @@ def load_mesh_file(
         path: An .obj, .glb, .gltf, .ply or .stl file.
         root: Materials and textures are read from below this folder only; by default the file's own.
         limits: Caps on size.
-        warn: Told of everything that was mended; by default it goes to the log.
+        warn: Told of everything that was mended, without the file's name; by default it goes to the log.
 
     Returns:
         The mesh in the file's axes and units.
@@ -79,7 +79,7 @@ def load_mesh(
             if warn is None:
                 log.warning("%s: %s", name, message)
             else:
-                warn(f"{name}: {message}")
+                warn(message)
 
     if len(data) > limits.file_bytes:
         raise InputError(f"{name} is larger than the {limits.file_bytes // MIB} MiB allowed.")
@@ -136,10 +136,10 @@ def _obj_parts(
     if absent and described:
         warn(f"material {absent[0]!r} is not in the material file; it is drawn grey")
     # trimesh reads the material file named first; ours holds the names alone.
-    text = _absolute_indices(_MTLLIB_TEXT.sub("", text))
+    text = _split_by_coordinates(_absolute_indices(_MTLLIB_TEXT.sub("", text)))
     loaded = load_obj(
         io.BytesIO(("mtllib names.mtl\n" + text).encode()),
-        resolver=_Materials(used or ["none"]),
+        resolver=_Materials(list(dict.fromkeys(m.strip() for m in _USEMTL.findall(text))) or ["none"]),
     )
     budget = TextureBudget(limits)
     images: dict[str, NDArray[np.uint8] | None] = {}
@@ -149,8 +149,8 @@ def _obj_parts(
     parts = []
     for piece in (loaded.get("geometry") or {}).values():
         visual = piece.get("visual")
-        source = getattr(getattr(visual, "material", None), "name", None)
-        part = _plain_part(piece, getattr(visual, "uv", None), made.get(str(source), Material()))
+        source = str(getattr(getattr(visual, "material", None), "name", "")).removesuffix(_PLAIN)
+        part = _plain_part(piece, getattr(visual, "uv", None), made.get(source, Material()))
         colours = piece.get("vertex_colors")
         if colours is not None and source not in made:
             part = colour_palette(part, np.asarray(colours))
@@ -159,6 +159,31 @@ def _obj_parts(
 
 
 _MTLLIB_TEXT = re.compile(r"^[ \t]*mtllib[ \t][^\r\n]*", re.MULTILINE)
+
+
+_PLAIN = "|without coordinates"
+
+
+def _split_by_coordinates(text: str) -> str:
+    """Faces without texture coordinates moved to a material of their own.
+
+    trimesh drops the coordinates of a whole material if one of its faces has none.
+    """
+    textured = re.search(r"^f[ \t]+\d+/\d", text, re.MULTILINE)
+    if not textured or not re.search(r"^f[ \t]+\d+(//|[ \t])", text, re.MULTILINE):
+        return text
+    lines: list[str] = []
+    material, plain = "none", False
+    for line in text.splitlines():
+        if line.startswith("usemtl"):
+            material, plain = line[6:].strip() or "none", False
+        elif line.startswith("f"):
+            corner = line[1:].split(None, 1)[0].split("/") if line[1:].strip() else [""]
+            if (len(corner) < 2 or not corner[1]) != plain:
+                plain = not plain
+                lines.append(f"usemtl {material}{_PLAIN if plain else ''}")
+        lines.append(line)
+    return "\n".join(lines)
 
 
 def _absolute_indices(text: str) -> str:
