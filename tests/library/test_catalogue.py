@@ -108,6 +108,18 @@ def test_digest_follows_the_content(library: Library, items: list[ImportItem]) -
     assert library.digest != before
 
 
+def test_files_of_replaced_and_removed_models_are_deleted(library: Library, items: list[ImportItem]) -> None:
+    library.surface_samples(items[0].id, 100)
+    path = Path(items[0].container)
+    path.write_text(obj_box(1, 7, 1))
+    assert library.add(folder_items(path.parent.parent)).updated == (items[0].id,)
+    assert library.check() == []
+    assert not list(library.path.rglob("*.npy"))
+    assert library.remove([items[0].id, "unknown"]) == 1
+    assert len(library.models()) == len(list(library.path.rglob("*.npz"))) == 3
+    assert library.check() == []
+
+
 def test_one_bad_model_does_not_stop_the_others(tmp_path: Path, items: list[ImportItem]) -> None:
     Path(items[0].container).write_text("v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     Path(items[1].container).write_text(CUBE_VERTICES)

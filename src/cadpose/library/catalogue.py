@@ -296,6 +296,7 @@ class Library:
                 import_all(todo, self._mesh_folder, workers, done)
             finally:
                 self._forget()
+            self._drop_unused(db, {known[i][1] for i in updated})
         return AddReport(
             tuple(sorted(added)),
             tuple(sorted(updated)),
@@ -305,11 +306,14 @@ class Library:
         )
 
     def remove(self, cad_ids: Iterable[str]) -> int:
-        """Take models out of the index; returns how many were there. `check` names the files left."""
+        """Take models out of the library; returns how many were there."""
+        gone = {i: self._models[i].sha256 for i in cad_ids if i in self._models}
         with self._database(write=True) as db:
-            removed = sum(db.execute("DELETE FROM models WHERE id = ?", (i,)).rowcount for i in cad_ids)
+            db.executemany("DELETE FROM models WHERE id = ?", [(i,) for i in gone])
+            db.commit()
+            self._drop_unused(db, set(gone.values()))
         self._forget()
-        return removed
+        return len(gone)
 
     # -- inside ----------------------------------------------------------------------------------
 
@@ -328,6 +332,14 @@ class Library:
         with self._database() as db:
             rows = db.execute("SELECT id, descriptor FROM models").fetchall()
         return {i: np.frombuffer(blob, dtype=np.float16).astype(np.float32) for i, blob in rows}
+
+    def _drop_unused(self, db: sqlite3.Connection, sha256s: set[str]) -> None:
+        """Delete the files of meshes that no model has any more, with their samples."""
+        for sha256 in sha256s:
+            if db.execute("SELECT 1 FROM models WHERE sha256 = ? LIMIT 1", (sha256,)).fetchone() is None:
+                folder = mesh_path(self._mesh_folder, sha256).parent
+                for path in folder.glob(f"{sha256}.*"):
+                    path.unlink(missing_ok=True)
 
     def _forget(self) -> None:
         self.__dict__.pop("_models", None)
