@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cadpose.detection.coco import COCO_NAMES
-from cadpose.detection.imagenet import category_probabilities
+from cadpose.detection.imagenet import GREY, category_probabilities
 from cadpose.detection.ssd import RawBoxes, Ssd
 from cadpose.encoder import Lite0, lite0
 from cadpose.geometry.boxes import Box, box_iou
@@ -42,8 +42,6 @@ LARGE = 0.1
 MOST = 16
 #: Lite0's probability on the whole photo above which an object is boxed that the SSD did not see.
 SURE = 0.5
-#: Grey around a letterboxed crop: Lite0's zero.
-GREY = 127
 #: COCO calls pickups trucks and vans buses, which a library files under cars: half a vote for those.
 VANS = frozenset([6, 8])
 #: COCO ids of people, animals and food: never an object of the library.

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
+
+from cadpose.encoder import Lite0
+from cadpose.geometry.boxes import Box
+from cadpose.photos import crop_square
 
 #: Library category -> indices in the usual order of the 1000 classes (sorted WordNet ids).
 IMAGENET_INDICES: dict[str, tuple[int, ...]] = {
@@ -76,6 +82,27 @@ IMAGENET_INDICES: dict[str, tuple[int, ...]] = {
     "teddy bear": (850,),
     "radiator": (753,),
 }  # fmt: skip
+
+
+#: Grey around a letterboxed crop: Lite0's zero.
+GREY = 127
+
+
+def classify(
+    rgb: NDArray[np.uint8], box: Box, encoder: Lite0, categories: Collection[str] | None = None
+) -> list[tuple[str, float]]:
+    """Library categories of what a box shows, with their probabilities, best first.
+
+    Args:
+        rgb: (H, W, 3) uint8 photo.
+        box: Rectangle in pixels of the photo.
+        encoder: Lite0.
+        categories: Those in question; None means all that ImageNet shows.
+    """
+    crop = crop_square(rgb, box, fill=GREY)
+    found = category_probabilities(encoder.logits(crop[None]))[0]
+    wanted = ((c, p) for c, p in found.items() if categories is None or c in categories)
+    return sorted(wanted, key=lambda item: -item[1])
 
 
 def category_probabilities(logits: NDArray[np.float32]) -> list[dict[str, float]]:
