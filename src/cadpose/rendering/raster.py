@@ -12,7 +12,7 @@ from cadpose.library.mesh import Mesh
 from cadpose.records import Views
 from cadpose.rendering.scene import Scene, build_scene
 from cadpose.rendering.shading import find_visible, prepare, shade
-from cadpose.rendering.visibility import cull, depth_scale, draw, draw_general, project
+from cadpose.rendering.visibility import depth_scale, draw, draw_general, project
 
 
 class Rasteriser:
@@ -84,7 +84,7 @@ class Rasteriser:
         screen = self._buffer("screen", np.int32, len(scene.vertices), 4)
         columns, rows = width * ss, height * ss
         scale = depth_scale(float((scene.corners @ R[2]).min() + t[2]))
-        x0, y0, x1, y1, unsnapped = project(scene.vertices, R, t, focal, cx, cy, ss, scale, screen)
+        x0, y0, x1, y1, unsnapped = project(scene.coordinates, R, t, focal, cx, cy, ss, scale, screen)
         if unsnapped:
             x0, y0, x1, y1 = 0, 0, width, height
         else:
@@ -107,10 +107,8 @@ class Rasteriser:
         for begin, end, cutout, target in ranges:
             if begin == end:
                 continue
-            kept = self._buffer("kept", np.int32, end - begin)
-            count = cull(scene.faces, begin, end, screen, columns, rows, unsnapped, kept)
             draw(
-                scene.faces, kept, count, screen, columns, rows, cutout, scene.uv_area, *mapped,
+                scene.faces, begin, end, screen, columns, rows, unsnapped, cutout, scene.uv_area, *mapped,
                 target.ravel(),
             )  # fmt: skip
             if unsnapped:
@@ -121,15 +119,14 @@ class Rasteriser:
                 )  # fmt: skip
         slot_of, visible = self._slots(len(scene.faces))
         count = find_visible(x0 * ss, y0 * ss, x1 * ss, y1 * ss, words, glass, has_glass, slot_of, visible)
-        planes = self._buffer("planes", np.float64, count, 24)
-        mip = self._buffer("mip", np.int32, count)
+        planes = self._buffer("planes", np.float64, count, 32)
         prepare(
             visible, count, scene.faces, scene.vertices, R, t, focal, cx, cy, scene.normals, scene.uv,
             scene.uv_area, scene.look, scene.material, scene.rgba, scene.material_levels, scene.levels,
-            planes, mip,
+            planes,
         )  # fmt: skip
         shade(
-            x0, y0, x1, y1, ss, words, glass, has_glass, planes, mip, scene.levels, scene.texels,
+            x0, y0, x1, y1, ss, words, glass, has_glass, planes, scene.levels, scene.texels,
             rgb, alpha, depth,
         )  # fmt: skip
 

@@ -28,6 +28,7 @@ class Scene:
 
     Attributes:
         vertices: (V, 3) float32.
+        coordinates: (3, V) float32, the same transposed.
         faces: (F, 3) int32; invisible faces are left out.
         normals: (F, 3, 3) float32 corner normals, turned to the side that the winding faces.
         uv: (F, 3, 2) float32.
@@ -37,13 +38,14 @@ class Scene:
         rgba: (M, 4) float32, colours in [0, 255], alpha in [0, 1].
         material_levels: (M, 2) int32 first mip level and number of levels, zeros without a texture.
         levels: (L, 3) int32 first texel, width, height.
-        texels: (T, 4) uint8 RGBA, row-major from the top.
+        texels: (T,) uint32, red in the lowest byte and alpha in the highest, row-major from the top.
         corners: (8, 3) float64 corners of the bounding box.
         opaque: Number of opaque faces.
         cutout: Number of cut-out faces.
     """
 
     vertices: NDArray[np.float32]
+    coordinates: NDArray[np.float32]
     faces: NDArray[np.int32]
     normals: NDArray[np.float32]
     uv: NDArray[np.float32]
@@ -53,7 +55,7 @@ class Scene:
     rgba: NDArray[np.float32]
     material_levels: NDArray[np.int32]
     levels: NDArray[np.int32]
-    texels: NDArray[np.uint8]
+    texels: NDArray[np.uint32]
     corners: NDArray[np.float64]
     opaque: int
     cutout: int
@@ -83,6 +85,7 @@ def build_scene(mesh: Mesh) -> Scene:
     material_levels, levels, texels = _mip_maps(mesh.materials)
     return Scene(
         vertices=mesh.vertices,
+        coordinates=np.ascontiguousarray(mesh.vertices.T),
         faces=faces,
         normals=np.ascontiguousarray(normals, np.float32),
         uv=uv,
@@ -135,10 +138,10 @@ def material_kind(material: Material) -> MaterialKind:
 
 def _mip_maps(
     materials: tuple[Material, ...],
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8]]:
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint32]]:
     material_levels = np.zeros((len(materials), 2), np.int32)
     levels: list[tuple[int, int, int]] = []
-    images: list[NDArray[np.uint8]] = []
+    images: list[NDArray[np.uint32]] = []
     seen: dict[int, tuple[int, int]] = {}
     offset = 0
     for i, material in enumerate(materials):
@@ -149,14 +152,14 @@ def _mip_maps(
             first = len(levels)
             for image in _mip_map(texture):
                 levels.append((offset, image.shape[1], image.shape[0]))
-                images.append(image.reshape(-1, 4))
+                images.append(np.ascontiguousarray(image).view("<u4").ravel())
                 offset += len(images[-1])
             seen[id(texture)] = (first, len(levels) - first)
         material_levels[i] = seen[id(texture)]
     return (
         material_levels,
         np.array(levels, np.int32).reshape(-1, 3),
-        np.concatenate(images) if images else np.zeros((0, 4), np.uint8),
+        np.concatenate(images) if images else np.zeros(0, np.uint32),
     )
 
 

@@ -9,6 +9,7 @@ sides: they are turned to the side from which the face is seen.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from cadpose.rendering.jit import kernel
 # Mirrors of scene.py and visibility.py: a kernel may only freeze constants of its own file.
 _TEXTURED, _SMOOTH, _MEAN_TEXEL = 1, 2, 4
 _ID_MAX = (1 << 24) - 1
+
+_int64: Any = np.int64  # a scalar of numpy is not an int to a type checker
 
 Words = NDArray[np.int64]
 Ints = NDArray[np.int32]
@@ -29,6 +32,8 @@ Bytes = NDArray[np.uint8]
 _KEY = (-0.48, -0.62, -0.62, 0.72)
 _FILL = (0.80, -0.15, -0.58, 0.22)
 _AMBIENT = 0.26
+_PAIR = 0x00FF00FF
+_PER_TEXEL = 1.0 / (256 * 255)
 _SKY = 0.10  # share of the ambient term that depends on how far the normal points up
 
 
@@ -123,14 +128,13 @@ def prepare(
     material_levels: Ints,
     levels: Ints,
     planes: Doubles,
-    mip: Ints,
 ) -> None:
     """What the pixels of each visible face share.
 
-    ``planes`` (count, 24), functions a*x + b*y + c of continuous pixels, all divided by z and so linear in
+    ``planes`` (count, 32), functions a*x + b*y + c of continuous pixels, all divided by z and so linear in
     the image: [0:3] sum of the corner weights, [3:6] light, [6] determinant (z = determinant / sum), [7:9]
-    bounds of the sum, [9:11] bounds of the light, [11:15] colour and opacity, [16:19] u, [19:22] v.
-    ``mip`` (count,): the mip level of its texture, -1 without.
+    bounds of the sum, [9:11] bounds of the light, [11:15] colour and opacity, [15] mip level of the texture, -1 without,
+    [16:19] u, [19:22] v. What every face needs lies in one cache line.
     """
     lights = np.empty((3, 3))
     for j in range(3):
@@ -177,7 +181,7 @@ def prepare(
         m = material[f]
         for j in range(4):
             planes[i, 11 + j] = rgba[m, j]
-        mip[i] = -1
+        planes[i, 15] = -1.0
         if bits & _TEXTURED:
             level = material_levels[m, 0]
             last = level + material_levels[m, 1] - 1
@@ -190,7 +194,7 @@ def prepare(
                 while ratio > 2.0 and level < last:
                     ratio *= 0.25
                     level += 1
-            mip[i] = level
+            planes[i, 15] = level
             for j in range(2):
                 u, v, w = uv[f, 0, j], uv[f, 1, j], uv[f, 2, j]
                 planes[i, 16 + 3 * j] = u * wax + v * wbx + w * wcx
@@ -209,9 +213,8 @@ def shade(
     glass_slots: Words,
     has_glass: bool,
     planes: Doubles,
-    mip: Ints,
     levels: Ints,
-    texels: Bytes,
+    texels: NDArray[np.uint32],
     rgb_out: Bytes,
     alpha_out: Bytes,
     depth_out: Floats,
@@ -224,6 +227,7 @@ def shade(
     """
     n = ss * ss
     per_ss = 1.0 / ss
+    per_pixel = 1.0 / n
     stride = slots.shape[1]
     flat, glass_flat = slots.ravel(), glass_slots.ravel()
     offset = np.empty(n, np.int64)
@@ -277,15 +281,16 @@ def shade(
                         depth_slot, depth_count = front, same
                 left = 1.0
                 for layer in range(0 if top >= 0 else 1, 2):
-                    s = top if layer == 0 else under
-                    if s < 0:
+                    slot = top if layer == 0 else under
+                    if slot < 0:
                         continue
+                    s = np.uintp(slot)  # unsigned: saves numba's test for indices from the end
                     per = planes[s, 0] * x + planes[s, 1] * y + planes[s, 2]
                     per = 1.0 / min(max(per, planes[s, 7]), planes[s, 8])
                     gain = (planes[s, 3] * x + planes[s, 4] * y + planes[s, 5]) * per
                     gain = min(max(gain, planes[s, 9]), planes[s, 10])
                     pr, pg, pb, pa = planes[s, 11], planes[s, 12], planes[s, 13], planes[s, 14]
-                    level = mip[s]
+                    level = int(planes[s, 15])
                     if level >= 0:
                         start, tw, th = levels[level, 0], levels[level, 1], levels[level, 2]
                         u = (planes[s, 16] * x + planes[s, 17] * y + planes[s, 18]) * per
@@ -300,20 +305,24 @@ def shade(
                         yi = yi + th if yi < 0 else yi
                         xj = xj - tw if xj >= tw else xj
                         yj = yj - th if yj >= th else yj
-                        i00, i01 = start + yi * tw + xi, start + yi * tw + xj
-                        i10, i11 = start + yj * tw + xi, start + yj * tw + xj
-                        w11 = fx * fy / 255.0
-                        w01 = fx / 255.0 - w11
-                        w10 = fy / 255.0 - w11
-                        w00 = 1.0 / 255.0 - w01 - w10 - w11
-                        upper = w00 * texels[i00, 0] + w01 * texels[i01, 0]
-                        pr *= upper + w10 * texels[i10, 0] + w11 * texels[i11, 0]
-                        upper = w00 * texels[i00, 1] + w01 * texels[i01, 1]
-                        pg *= upper + w10 * texels[i10, 1] + w11 * texels[i11, 1]
-                        upper = w00 * texels[i00, 2] + w01 * texels[i01, 2]
-                        pb *= upper + w10 * texels[i10, 2] + w11 * texels[i11, 2]
-                        if layer == 0:
-                            pa *= texels[i00, 3] / 255.0
+                        t00 = _int64(texels[np.uintp(start + yi * tw + xi)])
+                        t01 = _int64(texels[np.uintp(start + yi * tw + xj)])
+                        t10 = _int64(texels[np.uintp(start + yj * tw + xi)])
+                        t11 = _int64(texels[np.uintp(start + yj * tw + xj)])
+                        # Weights in 1/256, two channels of a texel at once: red and blue, green and alpha.
+                        ix, iy = int(fx * 16.0), int(fy * 16.0)
+                        w11 = ix * iy
+                        w01, w10 = ix * 16 - w11, iy * 16 - w11
+                        w00 = 256 - w01 - w10 - w11
+                        rb = w00 * (t00 & _PAIR) + w01 * (t01 & _PAIR)
+                        rb += w10 * (t10 & _PAIR) + w11 * (t11 & _PAIR)
+                        t00, t01, t10, t11 = t00 >> 8, t01 >> 8, t10 >> 8, t11 >> 8
+                        ga = w00 * (t00 & _PAIR) + w01 * (t01 & _PAIR)
+                        ga += w10 * (t10 & _PAIR) + w11 * (t11 & _PAIR)
+                        pr *= (rb & 0xFFFF) * _PER_TEXEL
+                        pg *= (ga & 0xFFFF) * _PER_TEXEL
+                        pb *= (rb >> 16) * _PER_TEXEL
+                        pa *= (ga >> 16) * _PER_TEXEL
                     own = pa if layer == 0 and under >= 0 else left
                     left = 1.0 - own
                     red += own * min(pr * gain, 255.0)
@@ -321,11 +330,15 @@ def shade(
                     blue += own * min(pb * gain, 255.0)
             if covered == 0:
                 continue
-            per = 1.0 / covered
-            rgb_out[row, col, 0] = np.uint8(min(red * per + 0.5, 255.0))
-            rgb_out[row, col, 1] = np.uint8(min(green * per + 0.5, 255.0))
-            rgb_out[row, col, 2] = np.uint8(min(blue * per + 0.5, 255.0))
-            alpha_out[row, col] = (covered * 255 + evaluations // 2) // evaluations
-            s = depth_slot
+            s = np.uintp(depth_slot)
             total = planes[s, 0] * (col + 0.5) + planes[s, 1] * (row + 0.5) + planes[s, 2]
             depth_out[row, col] = planes[s, 6] / min(max(total, planes[s, 7]), planes[s, 8])
+            if evaluations > 1:
+                per = 1.0 / covered
+                red, green, blue = red * per, green * per, blue * per
+                alpha_out[row, col] = np.uint8(255.0 * covered * per_pixel + 0.5)
+            else:
+                alpha_out[row, col] = 255
+            rgb_out[row, col, 0] = np.uint8(red + 0.5)
+            rgb_out[row, col, 1] = np.uint8(green + 0.5)
+            rgb_out[row, col, 2] = np.uint8(blue + 0.5)

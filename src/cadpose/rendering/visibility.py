@@ -30,11 +30,13 @@ _GUARD = float(1 << 26)  # beyond that many 1/4096 samples, edges are drawn in f
 _W_SCALE = float(1 << 30)  # fixed-point 1/z of the nearest vertex
 _W_DROP = 13  # low bits of it that are noise: what is left resolves 2e-5 at z = 2
 _W_TO_WORD = float(1 << (ID_BITS - _W_DROP))
+_BLOCK = 512  # vertices projected at once
 _SPAN = 16  # bounding boxes wider than this are cut to the row's exact span
 
 # Typed as Any, as scalars of numpy are neither int nor float to a type checker.
 _int64: Any = np.int64
 _int32: Any = np.int32
+_float64: Any = np.float64
 
 Words = NDArray[np.int64]
 Ints = NDArray[np.int32]
@@ -43,7 +45,7 @@ Doubles = NDArray[np.float64]
 
 @kernel
 def project(
-    vertices: NDArray[np.float32],
+    coordinates: NDArray[np.float32],
     R: Doubles,
     t: Doubles,
     focal: float,
@@ -56,7 +58,7 @@ def project(
     """Vertices into the camera frame and onto the sample grid.
 
     Args:
-        vertices: (V, 3).
+        coordinates: (3, V) x, y and z of the vertices.
         R: (3, 3) rotation to the camera frame.
         t: (3,) translation.
         focal: Pixels.
@@ -77,22 +79,32 @@ def project(
     unsnapped = _int32(0)
     r00, r01, r02, r10, r11, r12 = R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2]
     r20, r21, r22, t0, t1, t2 = R[2, 0], R[2, 1], R[2, 2], t[0], t[1], t[2]
-    for i in range(len(vertices)):
-        vx, vy, vz = np.float64(vertices[i, 0]), np.float64(vertices[i, 1]), np.float64(vertices[i, 2])
-        z = r20 * vx + r21 * vy + r22 * vz + t2
-        w = 1.0 / max(z, NEAR)
-        x = f * (r00 * vx + r01 * vy + r02 * vz + t0) * w + ox
-        y = f * (r10 * vx + r11 * vy + r12 * vz + t1) * w + oy
-        bad = _int32((z < NEAR) | (abs(x) > _GUARD) | (abs(y) > _GUARD))
-        xi = _int32(np.floor(min(max(x, -_GUARD), _GUARD) + 0.5))
-        yi = _int32(np.floor(min(max(y, -_GUARD), _GUARD) + 0.5))
-        screen[i, 0] = xi
-        screen[i, 1] = yi
-        screen[i, 2] = _int32(min(w * scale, _W_SCALE))
-        screen[i, 3] = bad
-        unsnapped |= bad
-        x_lo, x_hi = min(x_lo, xi), max(x_hi, xi)
-        y_lo, y_hi = min(y_lo, yi), max(y_hi, yi)
+    # Blocks of separate coordinates compile to vector code; they are interleaved while in the cache.
+    xs, ys = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    ws, bads = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    for begin in range(0, coordinates.shape[1], _BLOCK):
+        count = min(_BLOCK, coordinates.shape[1] - begin)
+        for j in range(count):
+            i = begin + j
+            vx, vy, vz = _float64(coordinates[0, i]), _float64(coordinates[1, i]), _float64(coordinates[2, i])
+            z = r20 * vx + r21 * vy + r22 * vz + t2
+            w = 1.0 / max(z, NEAR)
+            x = f * (r00 * vx + r01 * vy + r02 * vz + t0) * w + ox
+            y = f * (r10 * vx + r11 * vy + r12 * vz + t1) * w + oy
+            bads[j] = _int32((z < NEAR) | (abs(x) > _GUARD) | (abs(y) > _GUARD))
+            # Truncating a positive number rounds down, without a call to floor.
+            xs[j] = _int32(min(max(x, -_GUARD), _GUARD) + (_GUARD + 0.5)) - _int32(_GUARD)
+            ys[j] = _int32(min(max(y, -_GUARD), _GUARD) + (_GUARD + 0.5)) - _int32(_GUARD)
+            ws[j] = _int32(min(w * scale, _W_SCALE))
+        for j in range(count):
+            x_lo, x_hi = min(x_lo, xs[j]), max(x_hi, xs[j])
+            y_lo, y_hi = min(y_lo, ys[j]), max(y_hi, ys[j])
+            unsnapped |= bads[j]
+        for j in range(count):
+            screen[begin + j, 0] = xs[j]
+            screen[begin + j, 1] = ys[j]
+            screen[begin + j, 2] = ws[j]
+            screen[begin + j, 3] = bads[j]
     return x_lo >> _SUB, y_lo >> _SUB, (x_hi >> _SUB) + 1, (y_hi >> _SUB) + 1, unsnapped != 0
 
 
@@ -102,15 +114,29 @@ def depth_scale(z_min: float) -> float:
 
 
 @kernel
-def cull(
-    faces: Ints, begin: int, end: int, screen: Ints, columns: int, rows: int, unsnapped: bool, kept: Ints
-) -> int:
-    """List in ``kept`` the faces among ``begin`` to ``end`` that may cover a sample; returns their number.
+def draw(
+    faces: Ints,
+    begin: int,
+    end: int,
+    screen: Ints,
+    columns: int,
+    rows: int,
+    unsnapped: bool,
+    cutout: bool,
+    uv_area: NDArray[np.float32],
+    corner_uv: NDArray[np.float32],
+    face_material: Ints,
+    material_levels: Ints,
+    levels: Ints,
+    texels: NDArray[np.uint32],
+    words: Words,
+) -> None:
+    """Faces ``begin`` to ``end`` into ``words`` (rows * columns,); unsnapped faces are left to draw_general.
 
-    Most faces of a fine mesh lie between the samples. Here each costs a few additions and no branch that
-    could be mispredicted.
+    With ``cutout`` a sample is drawn only where the texel of the face's mip level is at least half opaque.
     """
-    count = 0
+    level, tw, th, start = 0, 1, 1, 0
+    ua, va, ub, vb, uc, vc = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for f in range(begin, end):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         xa, xb, xc = _int64(screen[a, 0]), _int64(screen[b, 0]), _int64(screen[c, 0])
@@ -119,53 +145,11 @@ def cull(
         c1 = min(max(xa, max(xb, xc)) >> _SUB, columns - 1)
         r0 = max((min(ya, min(yb, yc)) + (_ONE - 1)) >> _SUB, 0)
         r1 = min(max(ya, max(yb, yc)) >> _SUB, rows - 1)
-        # A box with a single sample: on which side of the edges it lies is all there is to know.
-        px, py = c0 << _SUB, r0 << _SUB
-        e_ab = (xb - xa) * (py - ya) - (yb - ya) * (px - xa)
-        e_bc = (xc - xb) * (py - yb) - (yc - yb) * (px - xb)
-        e_ca = (xa - xc) * (py - yc) - (ya - yc) * (px - xc)
-        straddles = ((e_ab > 0) | (e_bc > 0) | (e_ca > 0)) & ((e_ab < 0) | (e_bc < 0) | (e_ca < 0))
-        single = (c0 == c1) & (r0 == r1)
-        keep = (c0 <= c1) & (r0 <= r1) & ~(single & straddles)
-        if unsnapped:
-            keep &= (screen[a, 3] | screen[b, 3] | screen[c, 3]) == 0
-        kept[count] = f
-        count += _int64(keep)
-    return count
-
-
-@kernel
-def draw(
-    faces: Ints,
-    kept: Ints,
-    count: int,
-    screen: Ints,
-    columns: int,
-    rows: int,
-    cutout: bool,
-    uv_area: NDArray[np.float32],
-    corner_uv: NDArray[np.float32],
-    face_material: Ints,
-    material_levels: Ints,
-    levels: Ints,
-    texels: NDArray[np.uint8],
-    words: Words,
-) -> None:
-    """The first ``count`` faces in ``kept`` into ``words`` (rows * columns,).
-
-    With ``cutout`` a sample is drawn only where the texel of the face's mip level is at least half opaque.
-    """
-    level, tw, th, start = 0, 1, 1, 0
-    ua, va, ub, vb, uc, vc = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k_face in range(count):
-        f = _int64(kept[k_face])
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        xa, xb, xc = _int64(screen[a, 0]), _int64(screen[b, 0]), _int64(screen[c, 0])
-        ya, yb, yc = _int64(screen[a, 1]), _int64(screen[b, 1]), _int64(screen[c, 1])
-        c0 = max((min(xa, min(xb, xc)) + (_ONE - 1)) >> _SUB, 0)
-        c1 = min(max(xa, max(xb, xc)) >> _SUB, columns - 1)
-        r0 = max((min(ya, min(yb, yc)) + (_ONE - 1)) >> _SUB, 0)
-        r1 = min(max(ya, max(yb, yc)) >> _SUB, rows - 1)
+        # Often a small face has no sample in its box. One test, as each alone would be mispredicted.
+        if ((c1 - c0) | (r1 - r0)) < 0:
+            continue
+        if unsnapped and (screen[a, 3] | screen[b, 3] | screen[c, 3]):
+            continue
         wa, wb, wc = _int64(screen[a, 2]), _int64(screen[b, 2]), _int64(screen[c, 2])
         area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)
         if area == 0:
@@ -194,18 +178,18 @@ def draw(
         t_ca = e_ca - 1 + ((cay < 0) | ((cay == 0) & (cax > 0)))
         low = _int64(ID_MAX - f)
         per_area = 1.0 / area
-        wub = np.float64(wb - wa) * per_area
-        wuc = np.float64(wc - wa) * per_area
+        wub = _float64(wb - wa) * per_area
+        wuc = _float64(wc - wa) * per_area
         w_row = wa + e_ca * wub + e_ab * wuc
         w_x = (-cay * wub - aby * wuc) * _ONE
         w_y = (cax * wub + abx * wuc) * _ONE
         s_ab, s_bc, s_ca = -(aby << _SUB), -(bcy << _SUB), -(cay << _SUB)
         if cutout:
             k = 1 - behind  # the corner that is now b: 1, or 2 when swapped
-            ua, va = wa * np.float64(corner_uv[f, 0, 0]), wa * np.float64(corner_uv[f, 0, 1])
-            ub, vb = wb * np.float64(corner_uv[f, k, 0]) - ua, wb * np.float64(corner_uv[f, k, 1]) - va
+            ua, va = wa * _float64(corner_uv[f, 0, 0]), wa * _float64(corner_uv[f, 0, 1])
+            ub, vb = wb * _float64(corner_uv[f, k, 0]) - ua, wb * _float64(corner_uv[f, k, 1]) - va
             k = 2 + behind
-            uc, vc = wc * np.float64(corner_uv[f, k, 0]) - ua, wc * np.float64(corner_uv[f, k, 1]) - va
+            uc, vc = wc * _float64(corner_uv[f, k, 0]) - ua, wc * _float64(corner_uv[f, k, 1]) - va
             level = material_levels[face_material[f], 0]
             last = level + material_levels[face_material[f], 1] - 1
             ratio = uv_area[f] * levels[level, 1] * levels[level, 2] * 2.0 * _ONE * _ONE * per_area
@@ -217,6 +201,29 @@ def draw(
         d_row = _int64(w_row * _W_TO_WORD)
         d_x = _int64(w_x * _W_TO_WORD)
         d_y = _int64(w_y * _W_TO_WORD)
+        across = c1 - c0 + 1
+        if not wide and not cutout:
+            # One loop over the box without a branch in it: its end is the only one to mispredict.
+            at = r0 * columns + c0
+            back_ab = (abx << _SUB) - (across - 1) * s_ab
+            back_bc = (bcx << _SUB) - (across - 1) * s_bc
+            back_ca = (cax << _SUB) - (across - 1) * s_ca
+            back_d = d_y - (across - 1) * d_x
+            left = across
+            for _ in range(across * (r1 - r0 + 1)):
+                outside = (t_ab | t_bc | t_ca) >> 63
+                word = ((d_row & ~ID_MAX) | low) & ~outside
+                k_word = np.uintp(at)
+                words[k_word] = max(words[k_word], word)
+                left -= 1
+                turn = left == 0
+                t_ab += back_ab if turn else s_ab
+                t_bc += back_bc if turn else s_bc
+                t_ca += back_ca if turn else s_ca
+                d_row += back_d if turn else d_x
+                at += columns - across + 1 if turn else 1
+                left = across if turn else left
+            continue
         lo, hi = c0, c1
         for r in range(r0, r1 + 1):
             if wide:
@@ -259,7 +266,7 @@ def draw(
                     v = (va + q_ca * vb + q_ab * vc) * per_w
                     tx = min(int((u - np.floor(u)) * tw), tw - 1)
                     ty = min(int((1.0 - (v - np.floor(v))) * th), th - 1)
-                    if texels[start + ty * tw + tx, 3] >= 128:
+                    if texels[start + ty * tw + tx] >> 31:
                         words[r * columns + col] = word
             t_ab += abx << _SUB
             t_bc += bcx << _SUB
@@ -284,7 +291,7 @@ def draw_general(
     face_material: Ints,
     material_levels: Ints,
     levels: Ints,
-    texels: NDArray[np.uint8],
+    texels: NDArray[np.uint32],
     columns: int,
     rows: int,
     words: Words,
@@ -351,6 +358,6 @@ def draw_general(
                     tw, th = levels[level, 1], levels[level, 2]
                     tx = min(int((u - np.floor(u)) * tw), tw - 1)
                     ty = min(int((1.0 - (v - np.floor(v))) * th), th - 1)
-                    if texels[levels[level, 0] + ty * tw + tx, 3] < 128:
+                    if texels[levels[level, 0] + ty * tw + tx] >> 31 == 0:
                         continue
                 words[r * columns + col] = word
