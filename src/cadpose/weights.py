@@ -207,7 +207,8 @@ def _download(weights: Weights, target: Path) -> None:
             )
         beside.replace(target)
     except (OSError, http.client.HTTPException, ValueError) as error:
-        reason = getattr(error, "reason", None) or str(error) or type(error).__name__
+        is_answer = isinstance(error, urllib.error.HTTPError)
+        reason = str(error) if is_answer else getattr(error, "reason", None) or error
         raise DependencyError(
             f"the weights {weights.name} cannot be fetched ({reason}): {by_hand}."
         ) from None

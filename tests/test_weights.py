@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+import hashlib
+import http.server
+import threading
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from cadpose import weights
+from cadpose.errors import DependencyError
+from cadpose.weights import REGISTRY, Weights, cache_folder, ensure, is_intact, location
+
+DATA = bytes(range(256)) * 5000
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("CADPOSE_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "weights"
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[str]:
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, format: str, *args: object) -> None:
+            pass
+
+    (tmp_path / "www").mkdir()
+    (tmp_path / "www" / "net.onnx").write_bytes(DATA)
+    made = http.server.ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path / "www")))
+    threading.Thread(target=made.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{made.server_port}"
+    made.shutdown()
+    made.server_close()
+
+
+def register(monkeypatch: pytest.MonkeyPatch, url: str, **changes: object) -> Weights:
+    told: dict[str, object] = {
+        "name": "net",
+        "file": "net.onnx",
+        "sha256": hashlib.sha256(DATA).hexdigest(),
+        "size": len(DATA),
+        "licence": "CC0-1.0",
+        "url": url,
+    }
+    made = Weights(**(told | changes))  # type: ignore[arg-type]
+    monkeypatch.setitem(REGISTRY, made.name, made)
+    return made
+
+
+def test_the_registrys_packaged_weights_are_there_and_intact() -> None:
+    for name, entry in REGISTRY.items():
+        path = ensure(name)
+        assert path.stat().st_size == entry.size and is_intact(entry, path)
+
+
+def test_the_ssd_is_never_part_of_this_project() -> None:
+    assert REGISTRY["ssd-mobilenet-v2-coco"].package != "cadpose"
+
+
+def test_fetched_once_then_from_the_cache(monkeypatch: pytest.MonkeyPatch, server: str, cache: Path) -> None:
+    entry = register(monkeypatch, f"{server}/net.onnx")
+    assert location(entry) is None
+    path = ensure("net")
+    assert path == cache / "net.onnx" and path.read_bytes() == DATA
+    monkeypatch.setattr(weights, "_download", None)  # a second fetch would fail
+    assert ensure("net") == path == location(entry)
+
+
+def test_put_there_by_hand(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
+    register(monkeypatch, "http://127.0.0.1:9/net.onnx")
+    cache.mkdir(parents=True)
+    (cache / "net.onnx").write_bytes(DATA)
+    assert ensure("net") == cache / "net.onnx"
+
+
+def test_offline_names_the_address_and_the_place(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
+    register(monkeypatch, "http://127.0.0.1:9/net.onnx")
+    with pytest.raises(DependencyError) as caught:
+        ensure("net")
+    message = str(caught.value)
+    assert "http://127.0.0.1:9/net.onnx" in message and str(cache / "net.onnx") in message
+    assert "\n" not in message and list(cache.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [DATA[:-1] + b"!", DATA[: len(DATA) // 2], DATA + b"more", b""],
+    ids=["other", "short", "long", "none"],
+)
+def test_what_is_not_the_file_leaves_nothing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, cache: Path, sent: bytes
+) -> None:
+    (tmp_path / "sent").write_bytes(sent)
+    register(monkeypatch, (tmp_path / "sent").as_uri())
+    with pytest.raises(DependencyError, match="SHA-256 or length"):
+        ensure("net")
+    assert list(cache.iterdir()) == []
+
+
+def test_a_missing_page_and_odd_addresses(monkeypatch: pytest.MonkeyPatch, server: str) -> None:
+    register(monkeypatch, f"{server}/none.onnx")
+    with pytest.raises(DependencyError, match=r"404"):
+        ensure("net")
+    register(monkeypatch, "ftp://127.0.0.1/net.onnx")
+    with pytest.raises(DependencyError, match="not fetched"):
+        ensure("net")
+
+
+def test_a_damaged_cache_is_fetched_again(monkeypatch: pytest.MonkeyPatch, server: str, cache: Path) -> None:
+    register(monkeypatch, f"{server}/net.onnx")
+    cache.mkdir(parents=True)
+    (cache / "net.onnx").write_bytes(DATA[::-1])
+    assert ensure("net").read_bytes() == DATA
+
+
+def test_missing_and_damaged_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    register(monkeypatch, "", package="no_such_package_here", requirement="no-such")
+    with pytest.raises(DependencyError, match="pip install no-such"):
+        ensure("net")
+    register(monkeypatch, "", package="cadpose", file="py.typed", requirement="cadpose")
+    with pytest.raises(DependencyError, match="SHA-256 differs"):
+        ensure("net")
+
+
+def test_malformed_entries() -> None:
+    with pytest.raises(ValueError, match="neither"):
+        Weights(name="x", file="x", sha256="0" * 64, size=1, licence="?")
+    with pytest.raises(ValueError, match="malformed"):
+        Weights(name="x", file="x", sha256="0", size=1, licence="?", url="https://example.org/x")
+
+
+def test_cache_folder_without_the_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CADPOSE_CACHE")
+    assert cache_folder().name == "cadpose"
