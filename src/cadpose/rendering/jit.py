@@ -11,14 +11,15 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def kernel(function: F) -> F:
-    """Compile on first call, without the GIL, with C's arithmetic.
+    """Compile on first call, without the GIL, with C's arithmetic: nothing is fused or reordered, so that
+    an edge seen from either of its faces is the same number.
 
     numba looks for a cache folder in NUMBA_CACHE_DIR, beside the source file, then in the user's
     cache folder. Where none of them can be written it refuses to decorate; we then do without a cache,
     which costs a few seconds a process. Kernels call no kernel of another file: numba's cache would
     not notice that the other file has changed.
     """
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz", "arcp"}}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"nsz"}}
     try:
         compiled: F = numba.njit(cache=True, **options)(function)
     except RuntimeError:

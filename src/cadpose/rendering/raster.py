@@ -112,7 +112,8 @@ class Rasteriser:
                 target.ravel(),
             )  # fmt: skip
             if unsnapped:
-                cam = scene.vertices @ R.T + t
+                # Not a matrix product: BLAS may round equal vertices differently, which opens cracks.
+                cam = sum(scene.coordinates[k][:, None] * R[:, k] for k in range(3)) + t
                 draw_general(
                     scene.faces, begin, end, screen, cam, focal, cx, cy, ss, scale, cutout, *mapped,
                     columns, rows, target.ravel(),

@@ -133,8 +133,8 @@ def prepare(
 
     ``planes`` (count, 32), functions a*x + b*y + c of continuous pixels, all divided by z and so linear in
     the image: [0:3] sum of the corner weights, [3:6] light, [6] determinant (z = determinant / sum), [7:9]
-    bounds of the sum, [9:11] bounds of the light, [11:15] colour and opacity, [15] mip level of the texture, -1 without,
-    [16:19] u, [19:22] v. What every face needs lies in one cache line.
+    bounds of the sum, [9:11] bounds of the light, [11:15] colour and opacity, [15] mip level of
+    the texture, -1 without, [16:19] u, [19:22] v. What every face needs lies in one cache line.
     """
     lights = np.empty((3, 3))
     for j in range(3):
