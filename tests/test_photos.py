@@ -237,8 +237,8 @@ class TestCropSquare:
 
     @settings(max_examples=40, deadline=None)
     @given(
-        x0=st.floats(-20, 200),
-        y0=st.floats(-20, 150),
+        x0=st.floats(-7, 200),
+        y0=st.floats(-7, 150),
         width=st.floats(8, 150),
         height=st.floats(8, 150),
         size=st.sampled_from([32, 64, 224]),

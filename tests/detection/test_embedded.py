@@ -87,6 +87,12 @@ class TestFusion:
         (found,) = detector(("dining table", 0.8, LEFT), lite=FakeLite0(chair=0.4)).detect(PHOTO)
         assert found.category == "table"
 
+    def test_what_is_boxed_within_names_nothing_around_it(self) -> None:
+        table, bottle = (10.0, 80.0, 500.0, 390.0), (200.0, 100.0, 260.0, 300.0)
+        rows = [("dining table", 0.85, table), ("bottle", 0.9, bottle)]
+        found = detector(*rows, lite=FakeLite0(bottle=0.95)).detect(PHOTO)
+        assert [(d.category, d.box.to_tuple()) for d in found] == [("bottle", bottle), ("table", table)]
+
     def test_people_animals_and_food_are_no_objects(self) -> None:
         rows = [(name, 0.95, LEFT) for name in ("person", "dog", "pizza")]
         assert detector(*rows).detect(PHOTO) == []
@@ -132,6 +138,9 @@ class TestUnboxed:
 
     def test_category_is_not_wanted_or_already_there(self) -> None:
         assert detector(lite=FakeLite0(cabinet=0.8), categories=["car"]).detect(PHOTO) == []
+        large = (100.0, 50.0, 500.0, 350.0)  # what fills the photo has a name already
+        found = detector(("umbrella", 0.9, large), lite=FakeLite0(cabinet=0.55)).detect(PHOTO)
+        assert [d.category for d in found] == ["umbrella"]
         found = detector(("clock", 0.9, LEFT), lite=FakeLite0(clock=0.8)).detect(PHOTO)
         assert [d.box.to_tuple() for d in found] == [LEFT]
 

@@ -38,6 +38,10 @@ FLOOR = 0.08
 FAINT = 0.02
 #: A faint box counts from this share of the photo's area on.
 LARGE = 0.1
+#: An object of this share of the photo's area is what the photo shows.
+MAIN = 0.25
+#: A box belongs to what another shows from this share of its area on, and is clear from this vote on.
+HELD, CLEAR = 0.5, 0.3
 #: Most proposals that Lite0 looks at.
 MOST = 16
 #: Lite0's probability on the whole photo above which an object is boxed that the SSD did not see.
@@ -102,7 +106,7 @@ class EmbeddedDetector:
         seen = self._seen(photo, [*boxes, Box(0.0, 0.0, photo.width, photo.height)])
         found = []
         for place, box, probabilities in zip(places, boxes, seen[:-1], strict=True):
-            if ranked := _fused(place, probabilities, self.categories):
+            if ranked := _fused(place, _own(place, probabilities, places), self.categories):
                 found.append(_detection(box, ranked, self.name))
         kept = _without_repeats([d for d in found if d.score >= self.min_score])
         kept += self._unboxed(photo, kept, raw, seen[-1])
@@ -125,11 +129,16 @@ class EmbeddedDetector:
             ((c, p) for c, p in whole.items() if self.categories is None or c in self.categories),
             key=lambda item: -item[1],
         )
-        if not ranked or ranked[0][1] < SURE or any(d.category == ranked[0][0] for d in kept):
+        area = photo.width * photo.height
+        if (
+            not ranked
+            or ranked[0][1] < SURE
+            or any(d.category == ranked[0][0] or (d.score > 0.5 and d.box.area > MAIN * area) for d in kept)
+        ):
             return []
         category = ranked[0][0]
         size = raw.boxes[:, 2:] - raw.boxes[:, :2]
-        large = size.prod(axis=1) >= LARGE * photo.width * photo.height
+        large = size.prod(axis=1) >= LARGE * area
         full = np.array([0.0, 0.0, photo.width, photo.height])
         distinct: list[FloatArray] = [full]
         for box in raw.boxes[large][np.argsort(-raw.scores[large], kind="stable")]:
@@ -140,6 +149,17 @@ class EmbeddedDetector:
         worth = [p[category] * (b.area**0.25) for p, b in zip(self._seen(photo, boxes), boxes, strict=True)]
         box = boxes[int(np.argmax(worth))]
         return [_detection(box, [(c, TRUST * p) for c, p in ranked], self.name)]
+
+
+def _own(place: _Place, seen: dict[str, float], places: list[_Place]) -> dict[str, float]:
+    """Lite0's word on a place without what the SSD boxed within it: a bottle makes no bottle of its table."""
+    own = dict(seen)
+    for other in places:
+        if other is not place and _inside(other.box, place.box) > HELD:
+            for category, vote in other.votes.items():
+                if vote >= CLEAR and category not in place.votes:
+                    own[category] = 0.0
+    return own
 
 
 def _fused(
@@ -205,15 +225,14 @@ def _without_repeats(found: list[Detection]) -> list[Detection]:
         box = np.array(d.box.to_tuple())
         if not any(
             box_iou(box, np.array(k.box.to_tuple())) > (0.5 if k.category == d.category else SAME_PLACE)
-            or (k.category == d.category and _inside(d.box, k.box) > 0.9)
+            or (k.category == d.category and _inside(box, np.array(k.box.to_tuple())) > 0.9)
             for k in kept
         ):
             kept.append(d)
     return kept
 
 
-def _inside(a: Box, b: Box) -> float:
-    """Share of ``a`` that lies in ``b``."""
-    width = min(a.x1, b.x1) - max(a.x0, b.x0)
-    height = min(a.y1, b.y1) - max(a.y0, b.y0)
-    return max(width, 0.0) * max(height, 0.0) / a.area
+def _inside(a: FloatArray, b: FloatArray) -> float:
+    """Share of the box ``a`` that lies in ``b``."""
+    sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
+    return float(sides.clip(0.0).prod()) / _area(a)
