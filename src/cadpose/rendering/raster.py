@@ -12,7 +12,7 @@ from cadpose.library.mesh import Mesh
 from cadpose.records import Views
 from cadpose.rendering.scene import Scene, build_scene
 from cadpose.rendering.shading import find_visible, prepare, shade
-from cadpose.rendering.visibility import depth_scale, draw, draw_general, project
+from cadpose.rendering.visibility import depth_scales, draw, draw_general, project
 
 
 class Rasteriser:
@@ -83,7 +83,8 @@ class Rasteriser:
         t = cameras.t_cv[i]
         screen = self._buffer("screen", np.int32, len(scene.vertices), 4)
         columns, rows = width * ss, height * ss
-        scale = depth_scale(float((scene.corners @ R[2]).min() + t[2]))
+        depths = scene.corners @ R[2] + t[2]
+        scale, tie = depth_scales(float(depths.min()), float(depths.max()))
         x0, y0, x1, y1, unsnapped = project(scene.coordinates, R, t, focal, cx, cy, ss, scale, screen)
         if unsnapped:
             x0, y0, x1, y1 = 0, 0, width, height
@@ -108,15 +109,15 @@ class Rasteriser:
             if begin == end:
                 continue
             draw(
-                scene.faces, begin, end, screen, columns, rows, unsnapped, cutout, scene.uv_area, *mapped,
-                target.ravel(),
+                scene.faces, begin, end, screen, columns, rows, unsnapped, tie, cutout,
+                scene.uv_area, *mapped, target.ravel(),
             )  # fmt: skip
             if unsnapped:
                 # Not a matrix product: BLAS may round equal vertices differently, which opens cracks.
                 cam = sum(scene.coordinates[k][:, None] * R[:, k] for k in range(3)) + t
                 draw_general(
-                    scene.faces, begin, end, screen, cam, focal, cx, cy, ss, scale, cutout, *mapped,
-                    columns, rows, target.ravel(),
+                    scene.faces, begin, end, screen, cam, focal, cx, cy, ss, scale, tie,
+                    cutout, *mapped, columns, rows, target.ravel(),
                 )  # fmt: skip
         slot_of, visible = self._slots(len(scene.faces))
         count = find_visible(x0 * ss, y0 * ss, x1 * ss, y1 * ss, words, glass, has_glass, slot_of, visible)

@@ -93,7 +93,7 @@ def find_visible(
                 if word == 0 or (layer == 0 and has_glass and word <= words[row, col]):
                     target[row, col] = -1
                     continue
-                f = _ID_MAX - (word & _ID_MAX)
+                f = (word & _ID_MAX) - 1
                 if f != last_face:
                     last_face = f
                     last_slot = slot_of[f]

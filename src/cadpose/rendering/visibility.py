@@ -1,9 +1,9 @@
 """Which face is seen at every sample: vertex transform and z-buffer, compiled by numba.
 
-A sample's word is ``depth << ID_BITS | (ID_MAX - face)``, with ``depth`` a quantised 1/z. The nearest
-face is the largest word, so one integer maximum tests and writes depth and face at once; coplanar
-faces fall into the same depth step, where the face that comes first in the mesh wins instead of
-numerical noise.
+A sample's word is ``depth << ID_BITS | (face + 1)``, with ``depth`` a fixed-point 1/z: one comparison tests
+and one store writes depth and face at once. Faces are drawn in the mesh's order, and one that lies behind by
+no more than 4e-5 of its distance counts as coplanar and is drawn over: CAD models lay decals on surfaces,
+rounded to their file's decimals.
 
 Vertices snap to 1/4096 sample and edges are exact 64-bit integers, so the top-left rule holds exactly:
 two triangles that share an edge cover each sample once.
@@ -28,8 +28,8 @@ _SUB = 12  # bits of a sample that a vertex snaps to
 _ONE = 1 << _SUB
 _GUARD = float(1 << 26)  # beyond that many 1/4096 samples, edges are drawn in floating point
 _W_SCALE = float(1 << 30)  # fixed-point 1/z of the nearest vertex
-_W_DROP = 13  # low bits of it that are noise: what is left resolves 2e-5 at z = 2
-_W_TO_WORD = float(1 << (ID_BITS - _W_DROP))
+_COPLANAR = 4e-5
+_W_TO_WORD = float(1 << ID_BITS)
 _BLOCK = 512  # vertices projected at once
 _SPAN = 16  # bounding boxes wider than this are cut to the row's exact span
 
@@ -65,7 +65,7 @@ def project(
         cx: Principal point, continuous pixels.
         cy: Principal point, continuous pixels.
         ss: Samples a pixel along each axis.
-        scale: From 1/z to its fixed-point value, see depth_scale.
+        scale: From 1/z to its fixed-point value, see depth_scales.
         screen: (V, 4), written: x, y in 1/4096 samples, fixed-point 1/z, 1 if it cannot be snapped.
 
     Returns:
@@ -108,9 +108,14 @@ def project(
     return x_lo >> _SUB, y_lo >> _SUB, (x_hi >> _SUB) + 1, (y_hi >> _SUB) + 1, unsnapped != 0
 
 
-def depth_scale(z_min: float) -> float:
-    """The scale that makes a depth word of 1/z, for a view whose nearest vertex is at ``z_min`` or beyond."""
-    return _W_SCALE * max(z_min, NEAR)
+def depth_scales(z_min: float, z_max: float) -> tuple[float, int]:
+    """How depth is written in a view whose vertices lie from ``z_min`` to ``z_max`` or within.
+
+    Returns:
+        From 1/z to a vertex's fixed-point value, and by how much the words of coplanar faces may differ.
+    """
+    z_min = max(z_min, NEAR)
+    return _W_SCALE * z_min, int(_COPLANAR * _W_SCALE * z_min / max(z_max, z_min)) << ID_BITS
 
 
 @kernel
@@ -122,6 +127,7 @@ def draw(
     columns: int,
     rows: int,
     unsnapped: bool,
+    tie: int,
     cutout: bool,
     uv_area: NDArray[np.float32],
     corner_uv: NDArray[np.float32],
@@ -132,6 +138,8 @@ def draw(
     words: Words,
 ) -> None:
     """Faces ``begin`` to ``end`` into ``words`` (rows * columns,); unsnapped faces are left to draw_general.
+
+    ``tie`` is by how much the words of coplanar faces may differ.
 
     With ``cutout`` a sample is drawn only where the texel of the face's mip level is at least half opaque.
     """
@@ -176,7 +184,7 @@ def draw(
         t_ab = e_ab - 1 + ((aby < 0) | ((aby == 0) & (abx > 0)))
         t_bc = area - e_ab - e_ca - 1 + ((bcy < 0) | ((bcy == 0) & (bcx > 0)))
         t_ca = e_ca - 1 + ((cay < 0) | ((cay == 0) & (cax > 0)))
-        low = _int64(ID_MAX - f)
+        low = _int64(f + 1)
         per_area = 1.0 / area
         wub = _float64(wb - wa) * per_area
         wuc = _float64(wc - wa) * per_area
@@ -214,7 +222,7 @@ def draw(
                 outside = (t_ab | t_bc | t_ca) >> 63
                 word = ((d_row & ~ID_MAX) | low) & ~outside
                 k_word = np.uintp(at)
-                words[k_word] = max(words[k_word], word)
+                words[k_word] = word if word + tie > words[k_word] else words[k_word]
                 left -= 1
                 turn = left == 0
                 t_ab += back_ab if turn else s_ab
@@ -250,14 +258,14 @@ def draw(
                     outside = ((v_ab + j * s_ab) | (v_bc + j * s_bc) | (v_ca + j * s_ca)) >> 63
                     word = (((d + j * d_x) & ~ID_MAX) | low) & ~outside
                     k_word = np.uintp(at + j)
-                    words[k_word] = max(words[k_word], word)
+                    words[k_word] = word if word + tie > words[k_word] else words[k_word]
             else:
                 for col in range(lo, hi + 1):
                     i = col - c0
                     if ((t_ab + i * s_ab) | (t_bc + i * s_bc) | (t_ca + i * s_ca)) < 0:
                         continue
                     word = ((d_row + i * d_x) & ~ID_MAX) | low
-                    if word <= words[r * columns + col]:
+                    if word + tie <= words[r * columns + col]:
                         continue
                     px, py = (col << _SUB) - xa, (r << _SUB) - ya
                     q_ca, q_ab = (cax * py - cay * px) * per_area, (abx * py - aby * px) * per_area
@@ -286,6 +294,7 @@ def draw_general(
     cy: float,
     ss: int,
     scale: float,
+    tie: int,
     cutout: bool,
     corner_uv: NDArray[np.float32],
     face_material: Ints,
@@ -336,7 +345,7 @@ def draw_general(
         level = 0
         if cutout:
             level = material_levels[face_material[f], 0]
-        low = _int64(ID_MAX - f)
+        low = _int64(f + 1)
         for r in range(r0, r1 + 1):
             dy = ((r + 0.5) / ss - cy) / focal
             for col in range(c0, c1 + 1):
@@ -350,7 +359,7 @@ def draw_general(
                 if w <= 0.0 or w * NEAR > 1.0:
                     continue
                 word = (_int64(w * scale * _W_TO_WORD) & ~ID_MAX) | low
-                if word <= words[r * columns + col]:
+                if word + tie <= words[r * columns + col]:
                     continue
                 if cutout:
                     u = (la * corner_uv[f, 0, 0] + lb * corner_uv[f, 1, 0] + lc * corner_uv[f, 2, 0]) / w
