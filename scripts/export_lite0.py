@@ -92,7 +92,13 @@ def main() -> None:
     # name -> module, example, input and its two spatial axes, outputs with theirs
     files: dict[str, tuple[nn.Module, Tensor, str, tuple[int, int], dict[str, dict[int, str]]]] = {
         "lite0-trunk.onnx": (trunk, image, "images", (1, 2), {"stride16": {0: "n", 2: "h16", 3: "w16"}}),
-        "lite0-middle.onnx": (middle, stride16, "stride16", (2, 3), {"stride32": {0: "n", 2: "h32", 3: "w32"}}),
+        "lite0-middle.onnx": (
+            middle,
+            stride16,
+            "stride16",
+            (2, 3),
+            {"stride32": {0: "n", 2: "h32", 3: "w32"}},
+        ),
         "lite0-head.onnx": (head, stride32, "stride32", (2, 3), {"features": {0: "n"}, "logits": {0: "n"}}),
     }
     for name, (module, example, entry, (rows, columns), outputs) in files.items():

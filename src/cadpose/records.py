@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -220,6 +221,20 @@ class Views:
 
     def __len__(self) -> int:
         return len(self.alpha)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Views]) -> Views:
+        """All views in order; the parts share one size."""
+        return cls(
+            np.concatenate([part.rgb for part in parts]),
+            np.concatenate([part.alpha for part in parts]),
+            np.concatenate([part.depth for part in parts]),
+        )
+
+    def take(self, indices: Sequence[int] | NDArray[np.int64]) -> Views:
+        """The views at these indices, in that order."""
+        keep = np.asarray(indices, np.int64)
+        return Views(self.rgb[keep], self.alpha[keep], self.depth[keep])
 
     @property
     def mask(self) -> Mask:

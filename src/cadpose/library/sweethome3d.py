@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cadpose.errors import InputError
+from cadpose.errors import InputError, LibraryError
 from cadpose.geometry.frames import R_s_from_front_plus_z
 from cadpose.library.assets import Archive, contained_path
 from cadpose.library.class_map import category_from_sweethome3d
@@ -187,3 +187,17 @@ def _unescape(text: str) -> str:
         return _ESCAPES.get(code, code)
 
     return re.sub(r"\\(u[0-9a-fA-F]{4}|.)", one, text)
+
+
+def installed_package() -> Path:
+    """Folder of the installed Debian package ``sweethome3d-furniture``.
+
+    Raises:
+        LibraryError: it is not installed.
+    """
+    if not any(DEBIAN_FOLDER.glob("*.sh3f")):
+        raise LibraryError(
+            f"Sweet Home 3D's models are not in {DEBIAN_FOLDER}: "
+            "install them with `apt-get install sweethome3d-furniture`."
+        )
+    return DEBIAN_FOLDER

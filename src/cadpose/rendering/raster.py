@@ -121,7 +121,7 @@ class Rasteriser:
                 )  # fmt: skip
         slot_of, visible = self._slots(len(scene.faces))
         count = find_visible(x0 * ss, y0 * ss, x1 * ss, y1 * ss, words, glass, has_glass, slot_of, visible)
-        planes = self._buffer("planes", np.float64, count, 32)
+        planes = self._buffer("planes", np.float64, count, 24)
         prepare(
             visible, count, scene.faces, scene.vertices, R, t, focal, cx, cy, scene.normals, scene.uv,
             scene.uv_area, scene.look, scene.material, scene.rgba, scene.material_levels, scene.levels,

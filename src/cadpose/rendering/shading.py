@@ -131,7 +131,7 @@ def prepare(
 ) -> None:
     """What the pixels of each visible face share.
 
-    ``planes`` (count, 32), functions a*x + b*y + c of continuous pixels, all divided by z and so linear in
+    ``planes`` (count, 24), functions a*x + b*y + c of continuous pixels, all divided by z and so linear in
     the image: [0:3] sum of the corner weights, [3:6] light, [6] determinant (z = determinant / sum), [7:9]
     bounds of the sum, [9:11] bounds of the light, [11:15] colour and opacity, [15] mip level of
     the texture, -1 without, [16:19] u, [19:22] v. What every face needs lies in one cache line.
@@ -249,7 +249,7 @@ def shade(
                     evaluations = n
             if first < 0 and evaluations == 1 and not glass:
                 continue
-            red, green, blue = 0.0, 0.0, 0.0
+            red, green, blue, depth = 0.0, 0.0, 0.0, 0.0
             covered, depth_slot, depth_count = 0, np.int64(-1), 0
             x, y = col + 0.5, row + 0.5
             if evaluations > 1:
@@ -270,7 +270,7 @@ def shade(
                 if front < 0:
                     continue
                 covered += 1
-                if front != depth_slot:
+                if evaluations > 1 and front != depth_slot:
                     same = 1
                     for j in range(i + 1, evaluations):
                         other = flat[corner + offset[j]]
@@ -287,6 +287,8 @@ def shade(
                     s = np.uintp(slot)  # unsigned: saves numba's test for indices from the end
                     per = planes[s, 0] * x + planes[s, 1] * y + planes[s, 2]
                     per = 1.0 / min(max(per, planes[s, 7]), planes[s, 8])
+                    if slot == front:
+                        depth = planes[s, 6] * per
                     gain = (planes[s, 3] * x + planes[s, 4] * y + planes[s, 5]) * per
                     gain = min(max(gain, planes[s, 9]), planes[s, 10])
                     pr, pg, pb, pa = planes[s, 11], planes[s, 12], planes[s, 13], planes[s, 14]
@@ -330,14 +332,15 @@ def shade(
                     blue += own * min(pb * gain, 255.0)
             if covered == 0:
                 continue
-            s = np.uintp(depth_slot)
-            total = planes[s, 0] * (col + 0.5) + planes[s, 1] * (row + 0.5) + planes[s, 2]
-            depth_out[row, col] = planes[s, 6] / min(max(total, planes[s, 7]), planes[s, 8])
             if evaluations > 1:
+                s = np.uintp(depth_slot)
+                total = planes[s, 0] * (col + 0.5) + planes[s, 1] * (row + 0.5) + planes[s, 2]
+                depth_out[row, col] = planes[s, 6] / min(max(total, planes[s, 7]), planes[s, 8])
                 per = 1.0 / covered
                 red, green, blue = red * per, green * per, blue * per
                 alpha_out[row, col] = np.uint8(255.0 * covered * per_pixel + 0.5)
             else:
+                depth_out[row, col] = depth
                 alpha_out[row, col] = 255
             rgb_out[row, col, 0] = np.uint8(red + 0.5)
             rgb_out[row, col, 1] = np.uint8(green + 0.5)

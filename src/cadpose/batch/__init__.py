@@ -1,0 +1,1 @@
+"""Many photos: annotate each, write its outputs whole, go on after a failure."""

@@ -1,0 +1,1 @@
+"""The command line: verbs only. They parse, call and print."""

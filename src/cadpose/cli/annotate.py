@@ -1,0 +1,176 @@
+"""``cadpose annotate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cadpose.cli.options import (
+    AlignTo,
+    Candidates,
+    Device,
+    Json,
+    LibraryFolder,
+    RendererName,
+    Seed,
+    Similarity,
+    make_annotator,
+)
+from cadpose.cli.output import print_json, print_table, progress_bar, stderr, user_errors
+
+if TYPE_CHECKING:
+    from cadpose.batch.run import DetectionsOf, PhotoOutcome
+    from cadpose.records import Detection, Photo
+
+
+def annotate(
+    photos: Annotated[list[str], typer.Argument(metavar="PHOTO|DIR|GLOB...", help="Photographs.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the outputs.")] = Path("runs/annotate"),
+    store: Annotated[str | None, typer.Option("--store", help="Also keep them in sqlite:///file.db.")] = None,
+    box: Annotated[
+        list[str] | None, typer.Option("--box", help="x0,y0,x1,y1 in pixels, instead of the detector.")
+    ] = None,
+    category: Annotated[
+        list[str] | None,
+        typer.Option("--category", help="The boxes' category; without --box, the categories to look for."),
+    ] = None,
+    rotation: Annotated[
+        list[str] | None,
+        typer.Option("--rotation", help="azimuth,elevation,inplane of the boxes, in degrees."),
+    ] = None,
+    detections: Annotated[
+        Path | None, typer.Option("--detections", help="COCO JSON with boxes, masks, rotations.")
+    ] = None,
+    library: LibraryFolder = None,
+    candidates: Candidates = 10,
+    similarity: Similarity = "aligned",
+    renderer: RendererName = "raster",
+    align_to: AlignTo = "box",
+    resume: Annotated[bool, typer.Option("--resume", help="Leave finished photos alone.")] = False,
+    json: Json = False,
+    device: Device = "cpu",
+    seed: Seed = 0,
+) -> None:
+    """Find the objects, name their CAD models and poses, draw them over the photos."""
+    if detections is not None and (box or rotation):
+        raise typer.BadParameter("give either --detections or --box and --rotation, not both")
+    if rotation and not box:
+        raise typer.BadParameter("--rotation belongs to --box: give the box of the object too")
+    with user_errors():
+        from cadpose.annotations.store import Store
+        from cadpose.batch.run import annotate_photos
+        from cadpose.photos import find_photos
+
+        known = _given(box or [], category or [], rotation or [], detections)
+        paths = find_photos(photos)
+        annotator = make_annotator(
+            library,
+            device=device,
+            seed=seed,
+            candidates=candidates,
+            similarity=similarity,
+            renderer=renderer,
+            align_to=align_to,
+            categories=None if known else category,
+        )
+        outcomes: list[PhotoOutcome] = []
+        keep = None if store is None else Store(store)
+        try:
+            with progress_bar("annotate", len(paths)) as bar:
+                for outcome in annotate_photos(
+                    annotator, paths, out, detections=known, store=keep, resume=resume
+                ):
+                    outcomes.append(outcome)
+                    if outcome.error:
+                        stderr.print(
+                            f"cadpose: {outcome.error}", markup=False, highlight=False, soft_wrap=True
+                        )
+                    bar.advance(bar.tasks[0].id)
+        finally:
+            if keep is not None:
+                keep.close()
+    if json:
+        print_json([_told(outcome) for outcome in outcomes])
+    else:
+        _print(outcomes, out)
+    if any(outcome.error for outcome in outcomes):
+        raise typer.Exit(1)
+
+
+def _given(
+    boxes: list[str], categories: list[str], rotations: list[str], file: Path | None
+) -> DetectionsOf | None:
+    from cadpose.detection.coco_json import FileDetector
+    from cadpose.detection.given import given_detections, parse_box, parse_rotation
+
+    if file is not None:
+        return FileDetector(file, categories or None).detect
+    if not boxes:
+        return None
+    parsed = [parse_box(text) for text in boxes]
+    turned = [parse_rotation(text) for text in rotations]
+
+    def given(photo: Photo) -> list[Detection]:
+        return given_detections(photo, parsed, categories, turned)
+
+    return given
+
+
+def _told(outcome: PhotoOutcome) -> dict[str, Any]:
+    told: dict[str, Any] = {"photo": str(outcome.photo), "error": outcome.error or None}
+    if outcome.document is not None:
+        told |= {
+            "document": str(outcome.paths.json),
+            "overlay": str(outcome.paths.overlay),
+            "resumed": outcome.resumed,
+            "annotations": [
+                {
+                    "category": part.detection.category,
+                    "cad": part.cad.id,
+                    "azimuth": part.pose.azimuth,
+                    "elevation": part.pose.elevation,
+                    "inplane": part.pose.inplane,
+                    "focal_px": part.pose.focal_px,
+                    "box": part.detection.box,
+                    "box_iou": part.box_iou,
+                    "mask_iou": part.mask_iou,
+                }
+                for part in outcome.document.annotations
+            ],
+            "failures": [
+                {"category": f.detection.category, "reason": f.reason} for f in outcome.document.failures
+            ],
+        }
+    return told
+
+
+def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
+    rows = []
+    for outcome in outcomes:
+        name = outcome.photo.name
+        if outcome.document is None:
+            rows.append([name, "failed", "", "", "", ""])
+            continue
+        parts = outcome.document.annotations
+        if not parts:
+            rows.append([name, "no object found", "", "", "", ""])
+        for part in parts:
+            pose = part.pose
+            angles = f"{pose.azimuth:.0f}° {pose.elevation:+.0f}° {pose.inplane:+.0f}°"
+            rows.append(
+                [
+                    name,
+                    part.detection.category,
+                    part.cad.name,
+                    angles,
+                    f"{pose.focal_px:.0f} px",
+                    f"{part.box_iou:.2f}",
+                ]
+            )
+        for failure in outcome.document.failures:
+            rows.append([name, failure.detection.category, failure.reason, "", "", ""])
+    columns = ["photo", "category", "CAD model", "azimuth elevation in-plane", "focal length", "box IoU"]
+    print_table(f"{len(outcomes)} photos", columns, rows)
+    typer.echo(f"Pictures and documents: {out}/index.html")

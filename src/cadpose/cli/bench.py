@@ -1,0 +1,59 @@
+"""``cadpose bench``."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Annotated
+
+import typer
+
+from cadpose.cli.options import Device, Json, LibraryFolder, Seed, make_annotator
+from cadpose.cli.output import print_json, print_table, stderr, user_errors
+
+
+def bench(
+    photos: Annotated[
+        list[str] | None, typer.Argument(metavar="PHOTO...", help="Photographs to time the stages on.")
+    ] = None,
+    repeats: Annotated[int, typer.Option("--repeats", min=1, help="Timed runs a photo.")] = 3,
+    renderers: Annotated[bool, typer.Option(help="Also time the renderers side by side.")] = True,
+    library: LibraryFolder = None,
+    json: Json = False,
+    device: Device = "cpu",
+    seed: Seed = 0,
+) -> None:
+    """Milliseconds a stage on photographs, and milliseconds a view of every renderer at hand.
+
+    Without a photo, a render of the library stands in for one. Read ratios, not single times: they were
+    taken in one run on this machine.
+    """
+    with user_errors():
+        from cadpose.evaluation.bench_rendering import bench_renderers
+        from cadpose.evaluation.bench_stages import bench_meshes, bench_stages, stand_in_photo
+        from cadpose.photos import find_photos, read_photo
+
+        annotator = make_annotator(library, device=device, seed=seed)
+        pictures = [read_photo(p) for p in find_photos(photos)] if photos else [stand_in_photo(annotator)]
+        stages = bench_stages(annotator, pictures, repeats)
+        timings = []
+        if renderers:
+            timings = bench_renderers(
+                bench_meshes(annotator.library),
+                progress=lambda line: stderr.print(line, markup=False, highlight=False),
+            )
+    if json:
+        print_json({"stages": stages, "renderers": [dataclasses.asdict(t) for t in timings]})
+        return
+    total = sum(stages.values())
+    rows = [[stage, f"{ms:.0f}", f"{ms / total:.0%}"] for stage, ms in stages.items()]
+    print_table(
+        "A photo, by stage", ["stage", "ms a photo", "share"], [*rows, ["all", f"{total:.0f}", "100%"]]
+    )
+    if timings:
+        lines = [
+            [t.name, f"{t.ms_per_view:.2f}", f"{t.ratio:.1f} x"]
+            if t.ms_per_view is not None and t.ratio is not None
+            else [t.name, "-", t.skipped]
+            for t in timings
+        ]
+        print_table("A view of 256 x 256", ["renderer", "ms a view", "ratio"], lines)

@@ -1,0 +1,175 @@
+"""``cadpose evaluate``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from cadpose.cli.options import (
+    Candidates,
+    Device,
+    Json,
+    LibraryFolder,
+    RendererName,
+    Seed,
+    Similarity,
+    make_annotator,
+)
+from cadpose.cli.output import print_json, print_table, progress_bar, stderr, user_errors
+
+app = typer.Typer(help="Tables over labelled photographs.", no_args_is_help=True)
+
+_Labels = Annotated[Path, typer.Argument(help="JSON array: photo, box, category, cad, azimuth ...")]
+_Category = Annotated[str | None, typer.Option("--category", help="Only labels of this category.")]
+
+
+@app.command("rotation")
+def rotation(
+    labels: _Labels,
+    category: _Category = None,
+    library: LibraryFolder = None,
+    candidates: Candidates = 10,
+    renderer: RendererName = "raster",
+    json: Json = False,
+    device: Device = "cpu",
+    seed: Seed = 0,
+) -> None:
+    """Acc@30, Acc@10, median error and azimuth flips of the estimated rotation."""
+    with user_errors():
+        from cadpose.errors import CadposeError
+        from cadpose.evaluation.labels import object_in_photo, read_labels
+        from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
+
+        wanted = read_labels(labels, category)
+        annotator = make_annotator(
+            library, device=device, seed=seed, candidates=candidates, renderer=renderer
+        )
+        with progress_bar("rotation", len(wanted)) as bar:
+            results = evaluate_rotation(
+                wanted,
+                lambda label: (
+                    annotator.estimate_rotation(*object_in_photo(label), label.category)[0].rotation
+                ),
+                CadposeError,
+                lambda _: bar.advance(bar.tasks[0].id),
+            )
+    _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason])
+    table = rotation_table(results)
+    if json:
+        print_json(table)
+        return
+    rows = [
+        [
+            name,
+            str(row["n"]),
+            f"{row['yield']:.0%}",
+            f"{row['acc30']:.1%} [{row['acc30_interval'][0]:.1%}, {row['acc30_interval'][1]:.1%}]",
+            f"{row['acc10']:.1%}",
+            f"{row['mederr']:.1f}°",
+            f"{row['flips']:.1%}",
+        ]
+        for name, row in _rows(table)
+    ]
+    macro = table["macro"]
+    if macro:
+        rows.append(
+            [
+                "macro mean",
+                "",
+                "",
+                f"{macro['acc30']:.1%}",
+                f"{macro['acc10']:.1%}",
+                f"{macro['mederr']:.1f}°",
+                f"{macro['flips']:.1%}",
+            ]
+        )
+    columns = ["category", "photos", "yield", "Acc@30 [95 %]", "Acc@10", "MedErr", "flips"]
+    print_table("Rotation", columns, rows)
+
+
+@app.command("retrieval")
+def retrieval(
+    labels: _Labels,
+    gallery: Annotated[
+        Path | None, typer.Option("--gallery", help="JSON array of CAD ids to choose among.")
+    ] = None,
+    rotation_from: Annotated[
+        Literal["true", "estimated"],
+        typer.Option("--rotation", help="Compare at the labelled or at the estimated rotation."),
+    ] = "estimated",
+    category: _Category = None,
+    library: LibraryFolder = None,
+    candidates: Candidates = 10,
+    similarity: Similarity = "aligned",
+    renderer: RendererName = "raster",
+    json: Json = False,
+    device: Device = "cpu",
+    seed: Seed = 0,
+) -> None:
+    """How often the true CAD model is ranked first, among the first two and three."""
+    with user_errors():
+        from cadpose.errors import CadposeError, InputError
+        from cadpose.evaluation.labels import Label, object_in_photo, read_gallery, read_labels
+        from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_table
+
+        wanted = [label for label in read_labels(labels, category) if label.cad is not None]
+        if not wanted:
+            raise InputError(f"{labels}: no label names its cad")
+        annotator = make_annotator(
+            library,
+            device=device,
+            seed=seed,
+            candidates=candidates,
+            similarity=similarity,
+            renderer=renderer,
+        )
+        chosen = None if gallery is None else [annotator.library.get(i) for i in read_gallery(gallery)]
+
+        def rank(label: Label) -> Sequence[str]:
+            photo, box = object_in_photo(label)
+            pool = annotator.library.representatives(label.category, candidates)
+            cads = pool if chosen is None else [c for c in chosen if c.category == label.category]
+            if not cads:
+                raise InputError(f"{gallery}: no CAD model of category {label.category!r}")
+            if rotation_from == "estimated":
+                turned = annotator.estimate_rotation(photo, box, label.category, cads)[0].rotation
+            elif label.rotation is not None:
+                turned = label.rotation
+            else:
+                raise InputError(f"{label.photo}: has no labelled rotation, use --rotation estimated")
+            return [c.cad.id for c in annotator.rank(photo, box, cads, [turned])]
+
+        with progress_bar("retrieval", len(wanted)) as bar:
+            results = evaluate_retrieval(wanted, rank, CadposeError, lambda _: bar.advance(bar.tasks[0].id))
+    _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason])
+    table = retrieval_table(results)
+    if json:
+        print_json(table)
+        return
+    rows = [
+        [
+            name,
+            str(row["n"]),
+            *(
+                f"{row[k]:.1%} [{row[f'{k}_interval'][0]:.1%}, {row[f'{k}_interval'][1]:.1%}]"
+                for k in ("top1", "top2", "top3")
+            ),
+        ]
+        for name, row in _rows(table)
+    ]
+    if table["macro"]:
+        rows.append(["macro mean", "", *(f"{table['macro'][k]:.1%}" for k in ("top1", "top2", "top3"))])
+    print_table("CAD retrieval", ["category", "photos", "top-1 [95 %]", "top-2", "top-3"], rows)
+
+
+def _rows(table: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    return [*table["classes"].items(), ("all", table)]
+
+
+def _report_failures(failures: Sequence[tuple[str, str]]) -> None:
+    for photo, reason in failures:
+        text = reason if photo in reason else f"{photo}: {reason}"
+        stderr.print(f"cadpose: {text}", markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,165 @@
+"""``cadpose library``."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cadpose.cli.options import Json, LibraryFolder
+from cadpose.cli.output import print_json, print_table, progress_bar, stderr, user_errors
+
+app = typer.Typer(help="The CAD catalogue: add models, list, check and show them.", no_args_is_help=True)
+
+
+@app.command("add")
+def add(
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="A .sh3f file or a folder of them, a ShapeNetCore folder, a folder of OBJ/GLB/PLY/STL, "
+            "one such file, or 'sweethome3d' for the installed Debian package."
+        ),
+    ],
+    category: Annotated[
+        list[str] | None, typer.Option("--category", help="Only models of these library categories.")
+    ] = None,
+    as_category: Annotated[
+        str | None, typer.Option("--as", help="Category of a folder's models that tell none.")
+    ] = None,
+    limit: Annotated[int | None, typer.Option("--limit", min=1, help="Most models a category.")] = None,
+    table: Annotated[
+        Path | None, typer.Option("--table", help="CSV: file,name,category,front,up,licence,creator.")
+    ] = None,
+    front: Annotated[str, typer.Option("--front", help="Front axis of a folder's models.")] = "-z",
+    up: Annotated[str, typer.Option("--up", help="Up axis of a folder's models.")] = "+y",
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes [default: number of cores].")
+    ] = None,
+    library: LibraryFolder = None,
+    json: Json = False,
+) -> None:
+    """Import models; those that are there already and have not changed are left alone."""
+    with user_errors():
+        from cadpose.library.catalogue import Library
+        from cadpose.library.importers import add_path
+        from cadpose.library.sweethome3d import installed_package
+
+        path = installed_package() if source == "sweethome3d" else Path(source)
+        catalogue = Library.create(library)
+        with progress_bar("import", None) as bar:
+
+            def progress(done: int, total: int, name: str) -> None:
+                bar.update(bar.tasks[0].id, completed=done, total=total)
+
+            report = add_path(
+                catalogue,
+                path,
+                categories=tuple(category) if category else None,
+                limit=limit,
+                table=table,
+                category=as_category,
+                front=front,
+                up=up,
+                workers=workers or os.cpu_count() or 1,
+                progress=progress,
+            )
+    for cad_id, reason in report.failed:
+        stderr.print(f"cadpose: {cad_id} left out: {reason}", markup=False, highlight=False, soft_wrap=True)
+    if json:
+        print_json(dataclasses.asdict(report))
+    else:
+        typer.echo(
+            f"{len(report.added)} added, {len(report.updated)} updated, {len(report.unchanged)} unchanged, "
+            f"{len(report.failed)} failed, {len(report.warnings)} mended: {catalogue.path}"
+        )
+    if report.failed and not (report.added or report.updated or report.unchanged):
+        raise typer.Exit(1)
+
+
+@app.command("list")
+def list_models(
+    category: Annotated[str | None, typer.Option("--category", help="List this category's models.")] = None,
+    library: LibraryFolder = None,
+    json: Json = False,
+) -> None:
+    """Models a category, or the models of one category."""
+    with user_errors():
+        from cadpose.errors import LibraryError
+        from cadpose.library.catalogue import Library
+
+        catalogue = Library.open(library)
+        models = catalogue.models(category)
+        if not models:
+            known = ", ".join(catalogue.categories())
+            raise LibraryError(f"the library has no model of category {category!r}, it has {known}")
+    if json and category is None:
+        print_json({"path": str(catalogue.path), "models": len(models), "categories": catalogue.categories()})
+    elif json:
+        print_json([dataclasses.asdict(model) for model in models])
+    elif category is None:
+        rows = [[name, str(count)] for name, count in catalogue.categories().items()]
+        print_table(f"{len(models)} models in {catalogue.path}", ["category", "models"], rows)
+    else:
+        rows = [[m.name, m.id, str(m.face_count), m.licence, m.creator] for m in models]
+        print_table(f"{len(models)} models", ["name", "id", "faces", "licence", "creator"], rows)
+
+
+@app.command("check")
+def check(library: LibraryFolder = None, json: Json = False) -> None:
+    """Read every model again and name what is damaged."""
+    with user_errors():
+        from cadpose.library.catalogue import Library
+
+        catalogue = Library.open(library)
+        problems = catalogue.check()
+    if json:
+        print_json({"models": len(catalogue.models()), "problems": problems})
+    else:
+        for problem in problems:
+            typer.echo(problem)
+        typer.echo(f"{len(catalogue.models())} models, {len(problems)} problems")
+    if problems:
+        raise typer.Exit(1)
+
+
+@app.command("show")
+def show(
+    category: Annotated[
+        str | None, typer.Argument(help="Category; default: the most typical of each.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="PNG to write.")] = Path("contact-sheet.png"),
+    azimuth: Annotated[float, typer.Option("--azimuth", help="Degrees.")] = 30.0,
+    elevation: Annotated[float, typer.Option("--elevation", min=-90, max=90, help="Degrees.")] = 15.0,
+    columns: Annotated[int, typer.Option("--columns", min=1, help="Pictures a row.")] = 6,
+    library: LibraryFolder = None,
+) -> None:
+    """Draw a contact sheet of the library or of one category."""
+    with user_errors():
+        from cadpose.annotations.files import write_atomic
+        from cadpose.annotations.style import png_bytes
+        from cadpose.errors import LibraryError
+        from cadpose.library.catalogue import Library
+        from cadpose.library.contact_sheet import contact_sheet
+        from cadpose.rendering.portraits import portraits
+
+        catalogue = Library.open(library)
+        if category is None:
+            models = [catalogue.representatives(name, 1)[0] for name in catalogue.categories()]
+        else:
+            models = list(catalogue.models(category))
+            if not models:
+                raise LibraryError(
+                    f"the library has no model of category {category!r}, see `cadpose library list`"
+                )
+        with progress_bar("draw", len(models)) as bar:
+            entries = []
+            for entry in portraits(catalogue, models, azimuth, elevation):
+                entries.append(entry)
+                bar.advance(bar.tasks[0].id)
+        title = f"{category or 'one of each category'}: {len(models)} models"
+        write_atomic(out, png_bytes(contact_sheet(entries, columns, title)))
+    typer.echo(str(out))

@@ -1,0 +1,49 @@
+"""The ``cadpose`` command."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from cadpose import __version__
+from cadpose.cli import annotate, bench, blender, detect, doctor, evaluate, library
+from cadpose.cli.output import set_up_logging
+
+app = typer.Typer(
+    name="cadpose",
+    help="Which CAD model is the object in this photo, and how is it turned?",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"cadpose {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Log what happens, on stderr.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    set_up_logging(verbose)
+
+
+app.command("annotate")(annotate.annotate)
+app.command("detect")(detect.detect)
+app.add_typer(evaluate.app, name="evaluate")
+app.add_typer(library.app, name="library")
+app.command("doctor")(doctor.doctor)
+app.command("bench")(bench.bench)
+app.add_typer(blender.app, name="blender")
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    app()

@@ -1,0 +1,60 @@
+"""Options that several verbs share, and what they become."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from cadpose.pipeline import Annotator
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of tables.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
+Device = Annotated[Literal["cpu", "cuda"], typer.Option("--device", help="Where networks run.")]
+LibraryFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--library", help="CAD library folder [default: $CADPOSE_LIBRARY or the user's data folder]."
+    ),
+]
+Candidates = Annotated[int, typer.Option("--candidates", min=1, help="CAD models compared a category.")]
+Similarity = Annotated[
+    str, typer.Option("--similarity", help="Measure: aligned, fused, sm1, sm2, sm3, sift-sm1 ...")
+]
+RendererName = Annotated[
+    Literal["raster", "blender"], typer.Option("--renderer", help="What draws the models.")
+]
+AlignTo = Annotated[
+    Literal["box", "paper", "mask"],
+    typer.Option(
+        "--align", help="Fit the focal length to the box, to the box the paper's way, or to the mask."
+    ),
+]
+
+
+def make_annotator(
+    library: Path | None,
+    *,
+    device: str = "cpu",
+    seed: int = 0,
+    candidates: int = 10,
+    similarity: str = "aligned",
+    renderer: str = "raster",
+    align_to: str = "box",
+    categories: list[str] | None = None,
+) -> Annotator:
+    """The annotator that the options ask for; imported here, so that ``--help`` is quick."""
+    from cadpose.pipeline import Annotator
+
+    return Annotator(
+        library,
+        device=device,
+        seed=seed,
+        candidates=candidates,
+        similarity=similarity,
+        renderer=renderer,
+        align_to=align_to,
+        categories=categories,
+    )

@@ -1,0 +1,1 @@
+"""Tables over labelled photographs: rotation, retrieval, and the time each stage takes."""

@@ -1,0 +1,72 @@
+"""CAD retrieval over a label file: how often the true model is first, second or third (Tables 1-3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from cadpose.evaluation.labels import Label
+from cadpose.evaluation.statistics import macro_mean, wilson_interval
+
+
+@dataclass(frozen=True, slots=True)
+class RetrievalResult:
+    """One photo's outcome.
+
+    Attributes:
+        label: What is true.
+        ranking: CAD ids, best first; empty where the photo failed.
+        rank: 1-based rank of the true model, None if it was not ranked.
+        reason: Why the photo failed.
+    """
+
+    label: Label
+    ranking: tuple[str, ...]
+    rank: int | None
+    reason: str = ""
+
+
+def evaluate_retrieval(
+    labels: Sequence[Label],
+    rank: Callable[[Label], Sequence[str]],
+    recoverable: type[Exception],
+    on_done: Callable[[RetrievalResult], None] = lambda _: None,
+) -> list[RetrievalResult]:
+    """Run ``rank`` over the labels that name a CAD; a ``recoverable`` error fails that photo only."""
+    results = []
+    for label in labels:
+        try:
+            ranking = tuple(rank(label))
+            place = ranking.index(label.cad) + 1 if label.cad in ranking else None
+            result = RetrievalResult(label, ranking, place)
+        except recoverable as error:
+            result = RetrievalResult(label, (), None, str(error))
+        results.append(result)
+        on_done(result)
+    return results
+
+
+def retrieval_table(results: Sequence[RetrievalResult]) -> dict[str, Any]:
+    """``top1``, ``top2``, ``top3`` as fractions of 1 over the photos that gave a ranking.
+
+    With a Wilson 95 % interval each, a row a class under ``classes`` and their macro mean.
+    """
+    classes = sorted({r.label.category for r in results})
+    rows = {c: _row([r for r in results if r.label.category == c]) for c in classes}
+    table: dict[str, Any] = _row(results)
+    table["classes"] = rows
+    answered = [row for row in rows.values() if row["n"] > 0]
+    table["macro"] = macro_mean(answered, ("top1", "top2", "top3")) if answered else {}
+    return table
+
+
+def _row(results: Sequence[RetrievalResult]) -> dict[str, Any]:
+    answered = [r for r in results if r.ranking]
+    n = len(answered)
+    row: dict[str, Any] = {"n": n, "yield": n / len(results) if results else 0.0}
+    for k in (1, 2, 3):
+        hits = sum(r.rank is not None and r.rank <= k for r in answered)
+        row[f"top{k}"] = hits / n if n else 0.0
+        row[f"top{k}_interval"] = list(wilson_interval(hits, n))
+    return row

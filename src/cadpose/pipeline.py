@@ -1,0 +1,315 @@
+"""One photo in, 4-DoF annotations out: the only place where the stages meet.
+
+find the objects -> mask each -> estimate its rotation -> draw the CAD candidates at that rotation
+-> rank them -> fit the focal length that lays the best one over the object
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import cadpose
+from cadpose.alignment import align, focal_from_mask
+from cadpose.annotations.document import Failure
+from cadpose.backends import Backends
+from cadpose.errors import CadposeError, LibraryError
+from cadpose.geometry.boxes import Box, mask_iou
+from cadpose.geometry.camera import Cameras
+from cadpose.geometry.frames import FloatArray
+from cadpose.library.catalogue import Library
+from cadpose.photos import crop_square, read_photo
+from cadpose.records import (
+    Annotation,
+    CadModel,
+    Candidate,
+    Detection,
+    Mask,
+    Photo,
+    Pose4Dof,
+    Rotation,
+    RotationHypothesis,
+    Views,
+)
+from cadpose.similarity.local_features import BACKGROUND
+from cadpose.similarity.ranking import rank_candidates
+
+log = logging.getLogger(__name__)
+
+#: Side of the square crops and renders that are compared.
+SIDE = 224
+#: Ways to fit the focal length.
+ALIGNMENTS = ("box", "paper", "mask")
+#: Side of the raster on which the silhouette is compared with the mask.
+_MASK_SIDE = 256
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoResult:
+    """Everything that came of one photo.
+
+    Attributes:
+        photo: The decoded photo.
+        annotations: One an object.
+        failures: Objects without an annotation.
+        seconds: Time by stage, summed over the objects.
+    """
+
+    photo: Photo
+    annotations: tuple[Annotation, ...]
+    failures: tuple[Failure, ...]
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+class Stopwatch:
+    """Adds up seconds by stage and knows the stage begun last."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.stage = ""
+
+    @contextmanager
+    def time(self, stage: str) -> Iterator[None]:
+        """Time what is done inside."""
+        start = time.perf_counter()
+        self.stage = stage
+        try:
+            yield
+        finally:
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
+
+
+class Annotator:
+    """Photo to 4-DoF annotations; this class is the whole inference API.
+
+    Args:
+        library: CAD library, its folder, or None for the default one (``cadpose library add``).
+        detector, masks, rotation, similarity, renderer: Names of backends (see
+            :mod:`cadpose.backends`) or objects that satisfy the stage's protocol.
+        candidates: CAD models compared with each object.
+        categories: Library categories to look for; None means all that the library holds.
+        align_to: ``"box"`` fits the focal length to the detection box with the middles of box and projected
+            rectangle together; ``"paper"`` keeps the principal point at the box's middle as the paper does;
+            ``"mask"`` fits the silhouette to the mask. See docs/alignment.md.
+        device: ``"cpu"`` or ``"cuda"``.
+        seed: Seeds everything that draws random numbers.
+        cache: Folder of template galleries; None for the user's cache folder.
+
+    Raises:
+        LibraryError: the library is missing or empty.
+        CadposeError: a backend's name is unknown or its dependency is missing.
+    """
+
+    def __init__(
+        self,
+        library: Library | Path | str | None = None,
+        *,
+        detector: object = "embedded",
+        masks: object = "grabcut",
+        rotation: object = "render-and-compare",
+        similarity: object = "aligned",
+        renderer: object = "raster",
+        candidates: int = 10,
+        categories: Sequence[str] | None = None,
+        align_to: str = "box",
+        device: str = "cpu",
+        seed: int = 0,
+        cache: Path | None = None,
+    ) -> None:
+        if candidates < 1:
+            raise ValueError(f"candidates must be at least 1, got {candidates}")
+        if align_to not in ALIGNMENTS:
+            raise ValueError(f"align_to must be one of {', '.join(ALIGNMENTS)}, got {align_to!r}")
+        self.library = library if isinstance(library, Library) else Library.open(_path(library))
+        self.categories = tuple(categories) if categories else tuple(self.library.categories())
+        self.candidate_count = candidates
+        self.align_to = align_to
+        self.seed = seed
+        backends = Backends(device=device, seed=seed, cache=cache, render_framed=self.render_framed)
+        self.renderer = backends.renderer(renderer)
+        self.detector = backends.detector(detector, self.categories)
+        self.masks = backends.masks(masks)
+        self.rotation = backends.rotation(rotation, self.renderer.name)
+        self.chooser = backends.similarity("aligned")
+        self.similarity = self.chooser if similarity == "aligned" else backends.similarity(similarity)
+
+    def annotate(
+        self, photo: Photo | NDArray[np.uint8] | Path | str, detections: Sequence[Detection] | None = None
+    ) -> list[Annotation]:
+        """The 4-DoF annotations of a photo, one an object; objects that fail are logged.
+
+        Args:
+            photo: A path, a decoded :class:`Photo`, or (H, W, 3) uint8 RGB.
+            detections: Objects known from outside; None runs the detector.
+
+        Raises:
+            InputError: the photo cannot be used.
+        """
+        result = self.run(photo, detections)
+        for failure in result.failures:
+            log.warning("%s: %s left out: %s", result.photo.name, failure.detection.category, failure.reason)
+        return list(result.annotations)
+
+    def run(
+        self, photo: Photo | NDArray[np.uint8] | Path | str, detections: Sequence[Detection] | None = None
+    ) -> PhotoResult:
+        """As :meth:`annotate`, with the failures and the time each stage took."""
+        clock = Stopwatch()
+        with clock.time("read"):
+            picture = _photo(photo)
+        if detections is None:
+            with clock.time("detect"):
+                detections = self.detector.detect(picture)
+        annotations, failures = [], []
+        for detection in detections:
+            own = Stopwatch()
+            try:
+                annotations.append(self._annotate_object(picture, detection, own))
+            except CadposeError as error:
+                failures.append(Failure(detection, str(error), own.stage))
+            for stage, seconds in own.seconds.items():
+                clock.seconds[stage] = clock.seconds.get(stage, 0.0) + seconds
+        return PhotoResult(picture, tuple(annotations), tuple(failures), clock.seconds)
+
+    def estimate_rotation(
+        self, photo: Photo, box: Box, category: str, cads: Sequence[CadModel] | None = None
+    ) -> list[RotationHypothesis]:
+        """Rotation hypotheses of the object in a box, best first."""
+        pool = self._pool(category) if cads is None else cads
+        return self.rotation.estimate(crop_square(photo.rgb, box, SIDE), pool)
+
+    def rank(
+        self,
+        photo: Photo,
+        box: Box,
+        cads: Sequence[CadModel],
+        rotations: Sequence[Rotation],
+        mask: Mask | None = None,
+    ) -> list[Candidate]:
+        """CAD models ranked by similarity at the given rotations, best first."""
+        return rank_candidates(
+            crop_square(photo.rgb, box, SIDE, fill=BACKGROUND),
+            None if mask is None else crop_square(mask, box, SIDE),
+            box.width / box.height,
+            cads,
+            [rotations] * len(cads),
+            render=self.render_framed,
+            chooser=self.chooser,
+            measure=self.similarity,
+        )
+
+    def render_framed(self, cad: CadModel, R_cv_from_s: FloatArray) -> Views:
+        """N views of a model whose longer side fills a 224 px square."""
+        mesh = self.library.mesh(cad)
+        return self.renderer.render(mesh, Cameras.framing(R_cv_from_s, mesh.hull, size=SIDE))
+
+    def render_pose(self, cad: CadModel, pose: Pose4Dof, width: int, height: int) -> Views:
+        """The model over a photo of that size."""
+        return self.renderer.render(self.library.mesh(cad), pose.to_cameras(width, height))
+
+    def _pool(self, category: str) -> tuple[CadModel, ...]:
+        cads = self.library.representatives(category, self.candidate_count)
+        if not cads:
+            raise LibraryError(
+                f"the library has no CAD model of category {category!r}, add one with `cadpose library add`"
+            )
+        return cads
+
+    def _annotate_object(self, photo: Photo, detection: Detection, clock: Stopwatch) -> Annotation:
+        box = detection.box.clipped(photo.width, photo.height)
+        if box is None:
+            raise CadposeError(f"the box {detection.box.to_tuple()} lies outside the photo")
+        detection = replace(detection, box=box)
+        with clock.time("library"):
+            cads = self._pool(detection.category)
+        if detection.mask is None:
+            with clock.time("mask"):
+                detection = replace(detection, mask=self.masks.mask(photo, box))
+        with clock.time("rotation"):
+            if detection.rotation is not None:
+                hypotheses = [RotationHypothesis(detection.rotation, 1.0, 1.0)]
+            else:
+                hypotheses = self.estimate_rotation(photo, box, detection.category, cads)
+        with clock.time("similarity"):
+            candidates = self.rank(photo, box, cads, [hypotheses[0].rotation], detection.mask)
+        best = candidates[0]
+        with clock.time("alignment"):
+            pose, box_iou = self._align(best, box, detection.mask)
+            overlap = None if detection.mask is None else self._mask_iou(best.cad, pose, box, detection.mask)
+        return Annotation(
+            photo_name=photo.name,
+            photo_sha256=photo.sha256,
+            photo_size=(photo.width, photo.height),
+            detection=detection,
+            pose=pose,
+            candidates=tuple(candidates),
+            hypotheses=tuple(hypotheses),
+            box_iou=box_iou,
+            mask_iou=overlap,
+            seconds=dict(clock.seconds),
+            provenance=self._provenance(),
+        )
+
+    def _align(self, best: Candidate, box: Box, mask: Mask | None) -> tuple[Pose4Dof, float]:
+        mesh = self.library.mesh(best.cad)
+        if self.align_to == "mask" and mask is not None:
+            camera = Cameras.framing(best.rotation.to_matrix(), mesh.hull, size=_MASK_SIDE, margin=0.02)
+            silhouette = self.renderer.render(mesh, camera)
+            fit = focal_from_mask(silhouette.alpha[0], camera, mask, centred=True)
+            return Pose4Dof(best.rotation, fit.focal_px, fit.principal_px), fit.box_iou
+        return align(mesh.hull, best.rotation, box, centred=self.align_to != "paper")
+
+    def _mask_iou(self, cad: CadModel, pose: Pose4Dof, box: Box, mask: Mask) -> float:
+        """Silhouette IoU on a raster around the box, so that large photos cost no more than small ones."""
+        frame = box.scaled(1.5)
+        scale = _MASK_SIDE / max(frame.width, frame.height)
+        width, height = round(frame.width * scale), round(frame.height * scale)
+        cx, cy = pose.principal_px
+        cameras = Cameras.from_rotations(
+            pose.rotation.to_matrix(),
+            focal_px=pose.focal_px * scale,
+            principal_px=((cx - frame.x0) * scale, (cy - frame.y0) * scale),
+            width=width,
+            height=height,
+            t_z=pose.t_z,
+        )
+        drawn = self.renderer.render(self.library.mesh(cad), cameras).mask[0]
+        columns = np.floor(frame.x0 + (np.arange(width) + 0.5) / scale).astype(int)
+        rows = np.floor(frame.y0 + (np.arange(height) + 0.5) / scale).astype(int)
+        inside = ((rows >= 0) & (rows < mask.shape[0]))[:, None] & (columns >= 0) & (columns < mask.shape[1])
+        given = mask[rows.clip(0, mask.shape[0] - 1)[:, None], columns.clip(0, mask.shape[1] - 1)] & inside
+        # Beyond the photo nothing is known: what the model covers there does not count.
+        return mask_iou(drawn & inside, given)
+
+    def _provenance(self) -> dict[str, object]:
+        return {
+            "cadpose": cadpose.__version__,
+            "library": self.library.digest,
+            "detector": self.detector.name,
+            "masks": self.masks.name,
+            "rotation": self.rotation.name,
+            "similarity": self.similarity.name,
+            "renderer": self.renderer.name,
+            "align_to": self.align_to,
+            "candidates": self.candidate_count,
+            "seed": self.seed,
+        }
+
+
+def _path(value: Path | str | None) -> Path | None:
+    return None if value is None else Path(value)
+
+
+def _photo(photo: Photo | NDArray[np.uint8] | Path | str) -> Photo:
+    if isinstance(photo, Photo):
+        return photo
+    if isinstance(photo, str | Path):
+        return read_photo(Path(photo))
+    return Photo(photo)

@@ -1,0 +1,92 @@
+"""Template galleries: what the encoder sees of one CAD model from every rotation of the grid.
+
+Galleries are made once a model and cached on disk; the file's name holds everything they depend on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cadpose.encoder import Lite0
+from cadpose.geometry.frames import FloatArray
+from cadpose.records import CadModel, Views
+from cadpose.rotation.features import LEVELS, Described, describe
+from cadpose.rotation.grid import GRID_VERSION, grid_rotations
+
+#: Draws a model at (N, 3, 3) rotations, framed so that its longer side fills a 224 px square.
+RenderFramed = Callable[[CadModel, FloatArray], Views]
+
+#: Grey level behind the renders.
+BACKGROUND = 255
+#: Part of the cache key: change it when templates are made in another way.
+FORMAT_VERSION = 2
+
+
+class GalleryStore:
+    """Makes galleries and keeps them on disk.
+
+    Args:
+        folder: Cache folder; made when needed.
+        encoder: The Lite0 encoder.
+        render: Draws a model at given rotations.
+        renderer_name: Part of the cache key.
+    """
+
+    def __init__(self, folder: Path, encoder: Lite0, render: RenderFramed, renderer_name: str) -> None:
+        self.folder = folder
+        self.encoder = encoder
+        self.render = render
+        self.renderer_name = renderer_name
+
+    def get(self, cad: CadModel) -> Described:
+        """The model's templates at the rotations of the grid, from the cache or made now."""
+        path = self.path(cad)
+        if path.is_file():
+            try:
+                return _read(path)
+            except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+                # A damaged cache file is made again.
+                path.unlink(missing_ok=True)
+        views = self.render(cad, grid_rotations())
+        gallery = describe(self.encoder, views.over(BACKGROUND), views.alpha)
+        self._write(path, gallery)
+        return gallery
+
+    def path(self, cad: CadModel) -> Path:
+        """Where the model's gallery is cached."""
+        key = f"{FORMAT_VERSION}/{GRID_VERSION}/{self.renderer_name}/{cad.id}/{cad.sha256}"
+        return self.folder / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
+
+    def _write(self, path: Path, gallery: Described) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        arrays: dict[str, NDArray[Any]] = {
+            f"cells_{level.name}": a for level, a in zip(LEVELS, gallery.cells, strict=True)
+        }
+        arrays |= {f"cover_{level.name}": a for level, a in zip(LEVELS, gallery.cover, strict=True)}
+        handle, temporary = tempfile.mkstemp(dir=self.folder, suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                np.savez(file, allow_pickle=False, **arrays)
+                file.flush()
+                os.fsync(file.fileno())
+            Path(temporary).replace(path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+
+
+def _read(path: Path) -> Described:
+    with np.load(path, allow_pickle=False) as data:
+        return Described(
+            tuple(data[f"cells_{level.name}"] for level in LEVELS),
+            tuple(data[f"cover_{level.name}"] for level in LEVELS),
+        )

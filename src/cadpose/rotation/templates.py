@@ -1,0 +1,146 @@
+"""The templates of a category: the galleries of its CAD models, made comparable with a photograph.
+
+Channels are standardised over what the category's renders cover, so that what all its models share in
+all views ("it is a car") drops out; the photograph is standardised with the same numbers, its own
+background would shift any of its own. Every cell is scaled to unit length and kept as int8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from cadpose.geometry.frames import FloatArray
+from cadpose.rotation.features import LEVELS, STEPS, Described
+
+#: Unit-length cells stay below this in each component; int8 covers [-_RANGE, _RANGE].
+_RANGE = 0.6
+
+
+class Templates:
+    """M models at N rotations, compared with one image at a time.
+
+    Args:
+        galleries: One a model, all at the same N rotations.
+
+    Raises:
+        ValueError: there is no gallery, or their lengths differ.
+    """
+
+    def __init__(self, galleries: Sequence[Described]) -> None:
+        if not galleries or len({len(g) for g in galleries}) != 1:
+            raise ValueError("templates need at least one gallery, all of the same rotations")
+        self.models, self.rotations = len(galleries), len(galleries[0])
+        self._levels = []
+        for i in range(len(LEVELS)):
+            cover = np.concatenate([g.cover[i] for g in galleries])
+            mean, spread = _statistics([g.cells[i] for g in galleries], [g.cover[i] for g in galleries])
+            cells = np.concatenate([_unit(g.cells[i], mean, spread) for g in galleries])
+            self._levels.append((cells, cover, mean, spread))
+
+    @property
+    def nbytes(self) -> int:
+        """Memory taken."""
+        return sum(cells.nbytes + cover.nbytes for cells, cover, _, _ in self._levels)
+
+    def cosines(self, query: Described) -> FloatArray:
+        """Cell-wise cosine of one image and every template over the cells that the template covers.
+
+        Returns:
+            (M, N) mean over the levels, in [-1, 1].
+
+        Raises:
+            ValueError: ``query`` is not one image.
+        """
+        if len(query) != 1:
+            raise ValueError(f"expected one described image, got {len(query)}")
+        total = np.zeros(self.models * self.rotations)
+        for photo, (cells, cover, mean, spread) in zip(query.cells, self._levels, strict=True):
+            out = np.empty(len(cells), np.float32)
+            _covered_cosine(_unit(photo, mean, spread)[0], cells, cover, out)
+            total += out
+        total *= (_RANGE / 127.0) ** 2 / len(LEVELS)
+        return total.reshape(self.models, self.rotations)
+
+
+def _statistics(
+    cells: Sequence[NDArray[np.int8]], cover: Sequence[NDArray[np.float32]]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(C,) mean and spread in standard deviations of the library, weighted by cover."""
+    channels = cells[0].shape[2]
+    total, square, weight = np.zeros(channels), np.zeros(channels), 0.0
+    for c, w in zip(cells, cover, strict=True):
+        _add_up(c, w, total, square)
+        weight += float(w.sum(dtype=np.float64))
+    weight = max(weight, 1e-6)
+    mean = total / weight
+    spread = np.sqrt(np.maximum(square / weight - mean**2, 1e-4))
+    return (mean / STEPS).astype(np.float32), (spread / STEPS).astype(np.float32)
+
+
+def _unit(
+    cells: NDArray[np.int8], mean: NDArray[np.float32], spread: NDArray[np.float32]
+) -> NDArray[np.int8]:
+    out = np.empty_like(cells)
+    _scale_cells(cells, mean, np.float32(1.0) / spread, out)
+    return out
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _add_up(
+    cells: NDArray[np.int8], cover: NDArray[np.float32], total: FloatArray, square: FloatArray
+) -> None:
+    for n in range(cells.shape[0]):
+        for cell in range(cells.shape[1]):
+            w = np.float64(cover[n, cell])
+            if w > 0.0:
+                for c in range(cells.shape[2]):
+                    v = np.float64(cells[n, cell, c])
+                    total[c] += w * v
+                    square[c] += w * v * v
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _scale_cells(
+    cells: NDArray[np.int8],
+    mean: NDArray[np.float32],
+    inverse_spread: NDArray[np.float32],
+    out: NDArray[np.int8],
+) -> None:
+    step = np.float32(1.0 / STEPS)
+    row = np.empty(cells.shape[2], np.float32)
+    for n in range(cells.shape[0]):
+        for cell in range(cells.shape[1]):
+            length = np.float32(1e-12)
+            for c in range(cells.shape[2]):
+                v = (np.float32(cells[n, cell, c]) * step - mean[c]) * inverse_spread[c]
+                row[c] = v
+                length += v * v
+            scale = np.float32(127.0 / _RANGE) / np.sqrt(length)
+            for c in range(cells.shape[2]):
+                v = min(max(row[c] * scale, np.float32(-127.0)), np.float32(127.0))
+                out[n, cell, c] = np.int8(np.rint(v))
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _covered_cosine(
+    query: NDArray[np.int8],
+    templates: NDArray[np.int8],
+    cover: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:
+    for n in range(templates.shape[0]):
+        total = np.float32(0.0)
+        weight = np.float32(1e-6)
+        for cell in range(templates.shape[1]):
+            w = cover[n, cell]
+            if w > 0.0:
+                dot = np.int32(0)
+                for c in range(templates.shape[2]):
+                    dot += np.int32(query[cell, c]) * np.int32(templates[n, cell, c])
+                total += w * np.float32(dot)
+                weight += w
+        out[n] = total / weight

@@ -1,0 +1,26 @@
+"""The similarity measures by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import get_args
+
+from cadpose.encoder import Lite0
+from cadpose.similarity import SimilarityMeasure
+from cadpose.similarity.aligned import AlignedCosine
+from cadpose.similarity.fused import Fused
+from cadpose.similarity.local_affine import LocalAffine, Measure
+from cadpose.similarity.local_features import DenseLite0
+
+
+def measures(encoder: Lite0, seed: int) -> dict[str, Callable[[], SimilarityMeasure]]:
+    """Name to maker: ``aligned`` is the default, ``fused`` slower and better, the others the paper's."""
+    table: dict[str, Callable[[], SimilarityMeasure]] = {
+        "aligned": partial(AlignedCosine, encoder),
+        "fused": partial(Fused, encoder, seed),
+    }
+    for measure in get_args(Measure):
+        table[measure] = partial(LocalAffine, DenseLite0(encoder=encoder), measure, seed=seed)
+        table[f"sift-{measure}"] = partial(LocalAffine.sift, measure, seed=seed)
+    return table
