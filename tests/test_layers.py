@@ -18,7 +18,7 @@ PACKAGE = REPOSITORY / "src" / "cadpose"
 # From the top down; a module imports from its own tier and from those below.
 TIERS: tuple[tuple[str, ...], ...] = (
     ("cli",),
-    ("evaluation", "doctor"),
+    ("batch", "evaluation", "doctor"),
     ("pipeline", "backends"),
     ("annotations",),
     ("alignment",),
@@ -27,7 +27,7 @@ TIERS: tuple[tuple[str, ...], ...] = (
     ("rotation",),
     ("detection",),
     ("library",),
-    ("photos", "encoder", "records", "weights", "errors"),
+    ("photos", "rle", "jit", "encoder", "records", "weights", "errors"),
     ("geometry",),
 )
 TIER_OF = {part: depth for depth, parts in enumerate(TIERS) for part in parts}

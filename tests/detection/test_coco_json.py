@@ -109,7 +109,7 @@ def encoded(runs: list[int]) -> str:
         ({"segmentation": [[200, 200, 210, 200, 210, 210]]}, "no pixel"),
         ({"segmentation": {"size": [40, 61], "counts": [2440]}}, "size"),
         ({"segmentation": {"size": [40, 60], "counts": [2401]}}, "add up"),
-        ({"segmentation": {"size": [40, 60], "counts": [-5, 2405]}}, "add up"),
+        ({"segmentation": {"size": [40, 60], "counts": [-5, 2405]}}, "negative"),
         ({"segmentation": {"size": [40, 60], "counts": "\u00e9"}}, "character"),
         ({"segmentation": {"size": [40, 60], "counts": "oooooooooooo"}}, "out of range"),
         ({"segmentation": {"size": [40, 60], "counts": "o"}}, "within a number"),

@@ -11,7 +11,6 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator, model_validator
 
-from cadpose.annotations.rle import check_runs, decode_mask, encode_mask
 from cadpose.geometry.boxes import Box
 from cadpose.records import (
     Annotation,
@@ -22,6 +21,7 @@ from cadpose.records import (
     Rotation,
     RotationHypothesis,
 )
+from cadpose.rle import check_runs, decode_mask, encode_mask
 
 Unit = Annotated[float, Field(ge=0.0, le=1.0)]
 # An IoU or a probability may exceed 1 by rounding; the records allow the same.

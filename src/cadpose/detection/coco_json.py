@@ -15,11 +15,11 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from cadpose.detection.polygons import mask_from_polygons
-from cadpose.detection.rle import mask_from_runs, runs_from_text
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.library.class_map import category_from_name
 from cadpose.records import Detection, Mask, Photo, Rotation
+from cadpose.rle import decode_mask, runs_from_text
 
 #: Largest detections file that is read.
 MAX_BYTES = 128 * 2**20
@@ -189,7 +189,7 @@ def _mask(segmentation: list[list[float]] | _Runs | None, photo: Photo) -> Mask 
             raise ValueError(f"its size is {segmentation.size}, its photo's {(photo.height, photo.width)}")
         counts = segmentation.counts
         runs = runs_from_text(counts) if isinstance(counts, str) else counts
-        mask = mask_from_runs(photo.height, photo.width, runs)
+        mask = decode_mask((photo.height, photo.width), runs)
     else:
         mask = mask_from_polygons(photo.height, photo.width, segmentation)
     if not mask.any():

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cadpose.rendering.jit import kernel
+from cadpose.jit import kernel
 
 # Mirrors of scene.py and visibility.py: a kernel may only freeze constants of its own file.
 _TEXTURED, _SMOOTH, _MEAN_TEXEL = 1, 2, 4

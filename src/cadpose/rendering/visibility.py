@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cadpose.rendering.jit import kernel
+from cadpose.jit import kernel
 
 #: Nearest distance that is drawn, in units of the mesh.
 NEAR = 0.01

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.geometry.frames import FloatArray
+from cadpose.jit import kernel
 from cadpose.rotation.features import LEVELS, STEPS, Described
 
 #: Unit-length cells stay below this in each component; int8 covers [-_RANGE, _RANGE].
@@ -89,7 +89,7 @@ def _unit(
     return out
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel
 def _add_up(
     cells: NDArray[np.int8], cover: NDArray[np.float32], total: FloatArray, square: FloatArray
 ) -> None:
@@ -103,7 +103,7 @@ def _add_up(
                     square[c] += w * v * v
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel
 def _scale_cells(
     cells: NDArray[np.int8],
     mean: NDArray[np.float32],
@@ -125,7 +125,7 @@ def _scale_cells(
                 out[n, cell, c] = np.int8(np.rint(v))
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel
 def _covered_cosine(
     query: NDArray[np.int8],
     templates: NDArray[np.int8],

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from cadpose.annotations.rle import MAX_PIXELS, decode_mask, encode_mask
 from cadpose.records import Mask
+from cadpose.rle import MAX_PIXELS, decode_mask, encode_mask
 
 
 @given(arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=40), elements=st.booleans()))

@@ -1,4 +1,4 @@
-"""How the rasteriser's kernels are compiled: numba, no GIL, on-disk cache where a folder can be written."""
+"""How kernels are compiled: numba, no GIL, on-disk cache where a folder can be written."""
 
 from __future__ import annotations
 
