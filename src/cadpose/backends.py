@@ -5,6 +5,7 @@ Imports happen when a backend is asked for, so that an optional one costs nothin
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,7 +79,10 @@ class Backends:
 
             folder = self.cache or Path(platformdirs.user_cache_dir("cadpose")) / "galleries"
             encoder = lite0(self.device)
-            store = GalleryStore(folder, encoder, self.render_framed, renderer_name)
+            # Blender's worker draws one view at a time; the rasteriser may be shared by threads.
+            workers = (os.cpu_count() or 1) if renderer_name == "raster" else 1
+            single = lite0(self.device, threads=1)
+            store = GalleryStore(folder, single, self.render_framed, renderer_name, workers)
             return RenderAndCompare(store, encoder)
 
         return cast(RotationEstimator, _choose("rotation", which, {"render-and-compare": render_and_compare}))

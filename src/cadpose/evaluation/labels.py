@@ -8,6 +8,7 @@ Each entry names a ``photo`` (relative to the label file), a ``category``, and a
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,21 +55,23 @@ def read_labels(path: Path, category: str | None = None) -> list[Label]:
     """Read a label file, optionally only one category.
 
     Raises:
-        InputError: the file cannot be read, is not such an array, or nothing is left.
+        InputError: the file cannot be read, is not such an array, an entry is wrong, or nothing is left.
     """
     entries = _read_json(path)
     if not isinstance(entries, list):
         raise InputError(f"{path}: expected a JSON array of labels, found {type(entries).__name__}")
+    if not entries:
+        raise InputError(f"{path}: holds no label, add one object a photo")
     labels = [_label(entry, i, path) for i, entry in enumerate(entries)]
     chosen = [label for label in labels if category is None or label.category == category]
     if not chosen:
-        found = ", ".join(sorted({label.category for label in labels})) or "none at all"
+        found = ", ".join(sorted({label.category for label in labels}))
         raise InputError(f"{path}: no label of category {category!r}; it has {found}")
     return chosen
 
 
 def read_gallery(path: Path) -> list[str]:
-    """Read a JSON array of library ids.
+    """Read a JSON array of library ids; one that is named twice counts once.
 
     Raises:
         InputError: the file cannot be read or is not an array of strings.
@@ -78,7 +81,7 @@ def read_gallery(path: Path) -> list[str]:
         raise InputError(
             f"{path}: expected a JSON array of CAD ids as `cadpose library list --json` prints them"
         )
-    return list(ids)
+    return list(dict.fromkeys(ids))
 
 
 def _read_json(path: Path) -> Any:
@@ -88,36 +91,53 @@ def _read_json(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}), check the path") from error
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # bad UTF-8, bad JSON, endless digits or brackets
         raise InputError(f"{path}: is not valid JSON ({error})") from error
 
 
 def _label(entry: Any, index: int, path: Path) -> Label:
     where = f"{path}: entry {index}"
-    if not isinstance(entry, dict) or not isinstance(entry.get("photo"), str):
+    if not isinstance(entry, dict) or not _is_name(entry.get("photo")):
         raise InputError(f"{where} has no photo")
-    if not isinstance(entry.get("category"), str):
+    if not _is_name(entry.get("category")):
         raise InputError(f"{where} has no category")
+    if entry.get("cad") is not None and not _is_name(entry["cad"]):
+        raise InputError(f"{where}: cad must be a library id")
     numbers: dict[str, float | None] = {}
     for key in ("azimuth", "elevation", "inplane"):
         value = entry.get(key)
-        if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
-            raise InputError(f"{where}: {key} must be a number of degrees, got {value!r}")
+        if value is not None and not _is_number(value):
+            raise InputError(f"{where}: {key} must be a number of degrees")
         numbers[key] = None if value is None else float(value)
+    corners = entry.get("box")
+    if corners is not None and not (
+        isinstance(corners, list) and len(corners) == 4 and all(_is_number(v) for v in corners)
+    ):
+        raise InputError(f"{where}: box must be [x0, y0, x1, y1] in pixels")
     try:
-        box = None if entry.get("box") is None else Box(*(float(v) for v in entry["box"]))
         label = Label(
             photo=path.parent / entry["photo"],
             category=entry["category"],
-            box=box,
+            box=None if corners is None else Box(*(float(v) for v in corners)),
             cad=entry.get("cad"),
             **numbers,
         )
         # A rotation is validated on construction; do it while the entry can still be named.
         _ = label.rotation
-    except (TypeError, ValueError) as error:
+    except ValueError as error:
         raise InputError(f"{where}: {error}") from error
     return label
+
+
+def _is_name(value: Any) -> bool:
+    return isinstance(value, str) and bool(value)
+
+
+def _is_number(value: Any) -> bool:
+    """Whether JSON's value is a finite number that a float holds; bool is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) < 1e300 and math.isfinite(value)
 
 
 def object_in_photo(label: Label) -> tuple[Photo, Box]:

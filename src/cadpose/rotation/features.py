@@ -7,6 +7,7 @@ confuse front and back far less than either alone.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
@@ -64,6 +65,14 @@ class Described:
 
     def __len__(self) -> int:
         return len(self.cells[0])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Described]) -> Described:
+        """All images in order."""
+        return cls(
+            tuple(np.concatenate(level) for level in zip(*(p.cells for p in parts), strict=True)),
+            tuple(np.concatenate(level) for level in zip(*(p.cover for p in parts), strict=True)),
+        )
 
 
 def describe(encoder: Lite0, images: NDArray[np.uint8], alpha: NDArray[np.uint8] | None = None) -> Described:

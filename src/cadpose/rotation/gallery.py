@@ -6,12 +6,13 @@ Galleries are made once a model and cached on disk; the file's name holds everyt
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import tempfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.records import CadModel, Views
 from cadpose.rotation.features import LEVELS, Described, describe
 from cadpose.rotation.grid import GRID_VERSION, grid_rotations
+
+log = logging.getLogger(__name__)
 
 #: Draws a model at (N, 3, 3) rotations, framed so that its longer side fills a 224 px square.
 RenderFramed = Callable[[CadModel, FloatArray], Views]
@@ -39,13 +42,17 @@ class GalleryStore:
         encoder: The Lite0 encoder.
         render: Draws a model at given rotations.
         renderer_name: Part of the cache key.
+        workers: Threads that draw and encode; give the encoder one thread then. The renderer must allow it.
     """
 
-    def __init__(self, folder: Path, encoder: Lite0, render: RenderFramed, renderer_name: str) -> None:
+    def __init__(
+        self, folder: Path, encoder: Lite0, render: RenderFramed, renderer_name: str, workers: int = 1
+    ) -> None:
         self.folder = folder
         self.encoder = encoder
         self.render = render
         self.renderer_name = renderer_name
+        self.workers = workers
 
     def get(self, cad: CadModel) -> Described:
         """The model's templates at the rotations of the grid, from the cache or made now."""
@@ -53,13 +60,26 @@ class GalleryStore:
         if path.is_file():
             try:
                 return _read(path)
-            except (OSError, ValueError, KeyError, EOFError, BadZipFile):
-                # A damaged cache file is made again.
-                path.unlink(missing_ok=True)
-        views = self.render(cad, grid_rotations())
-        gallery = describe(self.encoder, views.over(BACKGROUND), views.alpha)
-        self._write(path, gallery)
+            except Exception as error:  # a damaged zip raises nearly anything
+                log.warning("the cached gallery %s is damaged and made again (%s)", path, error)
+        gallery = self._made(cad)
+        try:
+            self._write(path, gallery)
+        except OSError as error:
+            # Without a cache the work is slower, not wrong.
+            log.warning("the gallery of %s cannot be kept in %s (%s)", cad.id, self.folder, error)
         return gallery
+
+    def _made(self, cad: CadModel) -> Described:
+        # A thread a core draws and encodes its share: neither holds the GIL, and small networks gain
+        # little from several threads within one image.
+        shares = np.array_split(grid_rotations(), self.workers * 4)
+        with ThreadPoolExecutor(self.workers) as pool:
+            return Described.joined(list(pool.map(lambda R: self._described(cad, R), shares)))
+
+    def _described(self, cad: CadModel, R_cv_from_s: FloatArray) -> Described:
+        views = self.render(cad, R_cv_from_s)
+        return describe(self.encoder, views.over(BACKGROUND), views.alpha)
 
     def path(self, cad: CadModel) -> Path:
         """Where the model's gallery is cached."""
@@ -86,7 +106,10 @@ class GalleryStore:
 
 def _read(path: Path) -> Described:
     with np.load(path, allow_pickle=False) as data:
-        return Described(
+        gallery = Described(
             tuple(data[f"cells_{level.name}"] for level in LEVELS),
             tuple(data[f"cover_{level.name}"] for level in LEVELS),
         )
+    if len(gallery) != len(grid_rotations()):
+        raise ValueError(f"{len(gallery)} templates for {len(grid_rotations())} rotations")
+    return gallery

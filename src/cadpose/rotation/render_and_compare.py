@@ -96,14 +96,18 @@ class RenderAndCompare:
 
 
 def peaks(scores: FloatArray, count: int) -> list[RotationHypothesis]:
-    """The best ``count`` peaks of (N,) scores over the grid, best first."""
-    distances = grid_distances()
+    """The best ``count`` peaks of (N,) scores over the grid, best first, at least 25° apart."""
     left = scores.copy()
     found: list[tuple[Rotation, float]] = []
     while len(found) < count and np.isfinite(left).any():
         best = int(np.argmax(left))
-        found.append((_between_grid_points(scores, best), float(scores[best])))
-        left[distances[best] < _PEAK_DISTANCE] = -np.inf
+        R = _between_grid_points(scores, best)
+        if any(geodesic_degrees(R, other.to_matrix()) < _PEAK_DISTANCE for other, _ in found):
+            # On the flank of a better peak the neighbours draw it there; the grid point keeps away.
+            R = grid_rotations()[best]
+        found.append((Rotation.from_matrix(R), float(scores[best])))
+        left[grid_distances()[best] < _PEAK_DISTANCE] = -np.inf
+        left[geodesic_degrees(R, grid_rotations()) < _PEAK_DISTANCE] = -np.inf
     values = np.array([score for _, score in found])
     shares = np.exp((values - values[0]) / _SHARE_TEMPERATURE)
     shares /= shares.sum()
@@ -113,13 +117,13 @@ def peaks(scores: FloatArray, count: int) -> list[RotationHypothesis]:
     ]
 
 
-def _between_grid_points(scores: FloatArray, best: int) -> Rotation:
+def _between_grid_points(scores: FloatArray, best: int) -> FloatArray:
     near = np.flatnonzero(grid_distances()[best] <= _PEAK_RADIUS)
     weights = np.exp((scores[near] - scores[best]) / _PEAK_TEMPERATURE)
     mean = np.einsum("n,nij->ij", weights / weights.sum(), grid_rotations()[near])
     U, _, Vt = np.linalg.svd(mean)
-    R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    R: FloatArray = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
     # The grid is uneven: never leave the neighbourhood of the best template.
     if geodesic_degrees(R, grid_rotations()[best]) > _PEAK_RADIUS:
         R = grid_rotations()[best]
-    return Rotation.from_matrix(R)
+    return R

@@ -77,7 +77,8 @@ def _statistics(
         weight += float(w.sum(dtype=np.float64))
     weight = max(weight, 1e-6)
     mean = total / weight
-    spread = np.sqrt(np.maximum(square / weight - mean**2, 1e-4))
+    # Below one int8 step there is only rounding: a constant channel must not outweigh the others.
+    spread = np.sqrt(np.maximum(square / weight - mean**2, 1.0))
     return (mean / STEPS).astype(np.float32), (spread / STEPS).astype(np.float32)
 
 
