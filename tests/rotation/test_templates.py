@@ -37,7 +37,10 @@ def with_cells(like: Described, change: Sequence[NDArray[np.int8]]) -> Described
 
 
 def only(like: Described, index: int) -> Described:
-    return Described(tuple(c[index : index + 1] for c in like.cells), tuple(c[:1] for c in like.cover))
+    return Described(
+        tuple(c[index : index + 1].copy() for c in like.cells),
+        tuple(c[index : index + 1].copy() for c in like.cover),
+    )
 
 
 def test_cosines_equal_a_float_reference() -> None:
