@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from cadpose.library.catalogue import Library
+from cadpose.library.importers import add_path
+from tests.small_library import write_models
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -22,3 +27,28 @@ def bench() -> Path:
     if not (root / "bench").is_dir():
         pytest.skip(f"needs the benchmark photos: no folder {root / 'bench'} (set CADPOSE_BENCH)")
     return root
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """No test reads or writes the user's library and cache; the tests' workers share one cache."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CADPOSE_LIBRARY", str(base / "no-library"))
+        patch.setenv("CADPOSE_CACHE", str(shared / "cache"))
+        yield
+
+
+@pytest.fixture(scope="session")
+def model_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three cars and two chairs as files."""
+    return write_models(tmp_path_factory.mktemp("models") / "made")
+
+
+@pytest.fixture(scope="session")
+def small_library(model_files: Path, tmp_path_factory: pytest.TempPathFactory) -> Library:
+    """A library of them; not to be written to."""
+    library = Library.create(tmp_path_factory.mktemp("library"))
+    assert not add_path(library, model_files).failed
+    return library

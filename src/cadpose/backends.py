@@ -11,16 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-import platformdirs
-
 from cadpose.detection import Detector
 from cadpose.detection.masks import MaskEstimator
-from cadpose.encoder import lite0
-from cadpose.errors import CadposeError
+from cadpose.encoder import Lite0, lite0
+from cadpose.errors import CadposeError, DependencyError
 from cadpose.rendering import Renderer
 from cadpose.rotation import RotationEstimator
 from cadpose.rotation.gallery import RenderFramed
 from cadpose.similarity import SimilarityMeasure
+from cadpose.weights import cache_folder
 
 
 @dataclass(frozen=True)
@@ -77,11 +76,11 @@ class Backends:
             from cadpose.rotation.gallery import GalleryStore
             from cadpose.rotation.render_and_compare import RenderAndCompare
 
-            folder = self.cache or Path(platformdirs.user_cache_dir("cadpose")) / "galleries"
-            encoder = lite0(self.device)
+            folder = self.cache or cache_folder() / "galleries"
+            encoder = encoder_on(self.device)
             # Blender's worker draws one view at a time; the rasteriser may be shared by threads.
             workers = (os.cpu_count() or 1) if renderer_name == "raster" else 1
-            single = lite0(self.device, threads=1)
+            single = encoder_on(self.device, threads=1)
             store = GalleryStore(folder, single, self.render_framed, renderer_name, workers)
             return RenderAndCompare(store, encoder)
 
@@ -91,7 +90,9 @@ class Backends:
         """A similarity measure by name."""
         from cadpose.similarity.registry import measures
 
-        return cast(SimilarityMeasure, _choose("similarity", which, measures(lite0(self.device), self.seed)))
+        return cast(
+            SimilarityMeasure, _choose("similarity", which, measures(encoder_on(self.device), self.seed))
+        )
 
 
 def _choose(stage: str, which: object, makers: dict[str, Callable[[], Any]]) -> object:
@@ -102,8 +103,27 @@ def _choose(stage: str, which: object, makers: dict[str, Callable[[], Any]]) -> 
     return makers[which]()
 
 
+def encoder_on(device: str, threads: int = 0) -> Lite0:
+    """The shared encoder on a device that is there: ONNX Runtime itself would fall back without a word.
+
+    Raises:
+        CadposeError: no such device is known.
+        DependencyError: the installed ONNX Runtime cannot use it.
+    """
+    if device not in ("cpu", "cuda"):
+        raise CadposeError(f"unknown device {device!r}, choose one of: cpu, cuda")
+    if device == "cuda":
+        import onnxruntime
+
+        if "CUDAExecutionProvider" not in onnxruntime.get_available_providers():
+            raise DependencyError(
+                "--device cuda needs onnxruntime-gpu in place of onnxruntime, see `cadpose doctor`"
+            )
+    return lite0(device, threads)
+
+
 def embedded_detector(device: str = "cpu", categories: Sequence[str] | None = None) -> Detector:
     """The default detector, looking for the given library categories or all that it knows."""
     from cadpose.detection.embedded import EmbeddedDetector
 
-    return EmbeddedDetector(categories, encoder=lite0(device))
+    return EmbeddedDetector(categories, encoder=encoder_on(device))

@@ -20,11 +20,12 @@ import cadpose
 from cadpose.alignment import align, focal_from_mask
 from cadpose.annotations.document import Failure
 from cadpose.backends import Backends
-from cadpose.errors import CadposeError, LibraryError
+from cadpose.errors import CadposeError, DependencyError, InputError, LibraryError
 from cadpose.geometry.boxes import Box, mask_iou
 from cadpose.geometry.camera import Cameras
 from cadpose.geometry.frames import FloatArray
 from cadpose.library.catalogue import Library
+from cadpose.library.class_map import category_from_name
 from cadpose.photos import crop_square, read_photo
 from cadpose.records import (
     Annotation,
@@ -71,9 +72,9 @@ class PhotoResult:
 class Stopwatch:
     """Adds up seconds by stage and knows the stage begun last."""
 
-    def __init__(self) -> None:
+    def __init__(self, stage: str = "") -> None:
         self.seconds: dict[str, float] = {}
-        self.stage = ""
+        self.stage = stage
 
     @contextmanager
     def time(self, stage: str) -> Iterator[None]:
@@ -103,7 +104,7 @@ class Annotator:
         cache: Folder of template galleries; None for the user's cache folder.
 
     Raises:
-        LibraryError: the library is missing or empty.
+        LibraryError: the library is missing or empty, or has no model of a category asked for.
         CadposeError: a backend's name is unknown or its dependency is missing.
     """
 
@@ -128,7 +129,7 @@ class Annotator:
         if align_to not in ALIGNMENTS:
             raise ValueError(f"align_to must be one of {', '.join(ALIGNMENTS)}, got {align_to!r}")
         self.library = library if isinstance(library, Library) else Library.open(_path(library))
-        self.categories = tuple(categories) if categories else tuple(self.library.categories())
+        self.categories = tuple(self._known(name) for name in categories or self.library.categories())
         self.candidate_count = candidates
         self.align_to = align_to
         self.seed = seed
@@ -151,6 +152,7 @@ class Annotator:
 
         Raises:
             InputError: the photo cannot be used.
+            DependencyError: weights or programs are missing.
         """
         result = self.run(photo, detections)
         for failure in result.failures:
@@ -169,9 +171,11 @@ class Annotator:
                 detections = self.detector.detect(picture)
         annotations, failures = [], []
         for detection in detections:
-            own = Stopwatch()
+            own = Stopwatch("detect")
             try:
                 annotations.append(self._annotate_object(picture, detection, own))
+            except DependencyError:
+                raise
             except CadposeError as error:
                 failures.append(Failure(detection, str(error), own.stage))
             for stage, seconds in own.seconds.items():
@@ -214,18 +218,29 @@ class Annotator:
         """The model over a photo of that size."""
         return self.renderer.render(self.library.mesh(cad), pose.to_cameras(width, height))
 
-    def _pool(self, category: str) -> tuple[CadModel, ...]:
-        cads = self.library.representatives(category, self.candidate_count)
-        if not cads:
+    def _known(self, category: str) -> str:
+        """The library's name of a category."""
+        known = self.library.categories()
+        name = category if category in known else category_from_name(category) or category
+        if name not in known:
             raise LibraryError(
-                f"the library has no CAD model of category {category!r}, add one with `cadpose library add`"
+                f"the library has no CAD model of category {name!r}: add one with `cadpose library add`, or "
+                f"see `cadpose library list`"
             )
-        return cads
+        return name
+
+    def _pool(self, category: str) -> tuple[CadModel, ...]:
+        return self.library.representatives(self._known(category), self.candidate_count)
 
     def _annotate_object(self, photo: Photo, detection: Detection, clock: Stopwatch) -> Annotation:
         box = detection.box.clipped(photo.width, photo.height)
         if box is None:
-            raise CadposeError(f"the box {detection.box.to_tuple()} lies outside the photo")
+            raise InputError(f"the box {detection.box.to_tuple()} lies outside the photo")
+        if detection.mask is not None and detection.mask.shape != (photo.height, photo.width):
+            raise InputError(
+                f"the mask of {detection.mask.shape[1]} x {detection.mask.shape[0]} pixels does not fit the "
+                f"photo of {photo.width} x {photo.height}"
+            )
         detection = replace(detection, box=box)
         with clock.time("library"):
             cads = self._pool(detection.category)
@@ -270,7 +285,7 @@ class Annotator:
         """Silhouette IoU on a raster around the box, so that large photos cost no more than small ones."""
         frame = box.scaled(1.5)
         scale = _MASK_SIDE / max(frame.width, frame.height)
-        width, height = round(frame.width * scale), round(frame.height * scale)
+        width, height = max(1, round(frame.width * scale)), max(1, round(frame.height * scale))
         cx, cy = pose.principal_px
         cameras = Cameras.from_rotations(
             pose.rotation.to_matrix(),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import io
+import logging
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,13 +17,18 @@ from cadpose.annotations.document import AnnotationDocument
 from cadpose.annotations.files import OutputPaths, output_paths, write_atomic
 from cadpose.annotations.store import Store
 from cadpose.batch.outputs import write_outputs
-from cadpose.errors import CadposeError, InputError
+from cadpose.errors import CadposeError, DependencyError, InputError
 from cadpose.photos import read_photo
 from cadpose.pipeline import Annotator
 from cadpose.records import Detection, Photo
 
+log = logging.getLogger(__name__)
+
 #: Objects of a photo that are known from outside.
 DetectionsOf = Callable[[Photo], list[Detection]]
+
+#: A file that a killed run left behind is swept away once it is this old; a younger one may be another's.
+_LEFT_BEHIND_SECONDS = 3600.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +39,7 @@ class PhotoOutcome:
         photo: Its path.
         document: What was found; None where the photo failed.
         paths: Where its outputs lie.
-        error: Why it failed.
+        error: Why it failed, in one sentence that names it.
         resumed: The outputs were there already.
         seconds: Time by stage.
     """
@@ -56,6 +63,10 @@ def annotate_photos(
 ) -> Iterator[PhotoOutcome]:
     """Annotate photos and write their outputs and an index page to ``out``.
 
+    Outputs are written whole: a run that is killed leaves whole files and at most one hidden ``.part``
+    file, which a later run sweeps away. The index page is written at the end, also of a run that is
+    stopped, and lists what was done.
+
     Args:
         annotator: The annotator.
         photos: Their paths.
@@ -68,49 +79,76 @@ def annotate_photos(
         One outcome a photo, in order, as soon as it is written.
 
     Raises:
-        CadposeError: ``out`` or the store cannot be written.
+        DependencyError: weights or programs are missing that every photo needs.
+        CadposeError: ``out`` or the store cannot be written, or an output would replace a photo.
     """
+    planned = output_paths(photos, out)
+    _spare_photos(photos, planned)
     try:
         out.mkdir(parents=True, exist_ok=True)
+        _sweep(out)
     except OSError as error:
         raise InputError(f"{out}: cannot be made ({error.strerror}), choose another --out") from error
     entries: list[GalleryEntry] = []
-    for photo, paths in zip(photos, output_paths(photos, out), strict=True):
-        outcome = _finished(photo, paths) if resume else None
-        if outcome is None:
-            outcome = _annotate(annotator, photo, paths, detections)
-        if outcome.document is not None:
-            if store is not None:
-                store.add(outcome.document)
-            overlay = Image.open(io.BytesIO(paths.overlay.read_bytes()))
-            entries.append(gallery_entry(outcome.document, paths.card.name, overlay))
-        yield outcome
-    write_atomic(out / "index.html", index_html(entries).encode())
+    try:
+        for photo, paths in zip(photos, planned, strict=True):
+            done = _finished(photo, paths) if resume else None
+            outcome, overlay = done or _annotate(annotator, photo, paths, detections)
+            if outcome.document is not None and overlay is not None:
+                if store is not None:
+                    store.add(outcome.document)
+                entries.append(gallery_entry(outcome.document, paths.card.name, overlay))
+            yield outcome
+    finally:
+        write_atomic(out / "index.html", index_html(entries).encode())
 
 
 def _annotate(
     annotator: Annotator, photo: Path, paths: OutputPaths, detections: DetectionsOf | None
-) -> PhotoOutcome:
+) -> tuple[PhotoOutcome, Image.Image | None]:
     try:
         picture = read_photo(photo)
         result = annotator.run(picture, None if detections is None else detections(picture))
-        document = write_outputs(annotator, result, paths)
+        document, overlay = write_outputs(annotator, result, paths)
+    except DependencyError:
+        raise
     except CadposeError as error:
-        return PhotoOutcome(photo, None, paths, str(error))
-    return PhotoOutcome(photo, document, paths, seconds=result.seconds)
+        reason = str(error)
+    except Exception as error:  # whatever one photo brings to light, the others go on
+        log.debug("%s", photo, exc_info=True)
+        reason = f"cannot be annotated ({type(error).__name__}: {error}), --verbose tells more"
+    else:
+        return PhotoOutcome(photo, document, paths, seconds=result.seconds), overlay
+    return PhotoOutcome(photo, None, paths, reason if str(photo) in reason else f"{photo}: {reason}"), None
 
 
-def _finished(photo: Path, paths: OutputPaths) -> PhotoOutcome | None:
-    """The outcome of an earlier run if its document was made from these very bytes."""
+def _finished(photo: Path, paths: OutputPaths) -> tuple[PhotoOutcome, Image.Image] | None:
+    """The outcome of an earlier run, with its overlay, if its document was made from these very bytes."""
     try:
         document = AnnotationDocument.from_json(paths.json.read_text(encoding="utf-8"), str(paths.json))
         with photo.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
+        overlay = Image.open(io.BytesIO(paths.overlay.read_bytes())).convert("RGB")
     except (OSError, InputError, UnicodeDecodeError):
         return None
-    whole = all(path.is_file() for path in (paths.overlay, paths.candidates, paths.card))
-    return (
-        PhotoOutcome(photo, document, paths, resumed=True)
-        if whole and document.photo.sha256 == digest
-        else None
-    )
+    whole = all(path.is_file() for path in (paths.candidates, paths.card))
+    if not whole or document.photo.sha256 != digest:
+        return None
+    return PhotoOutcome(photo, document, paths, resumed=True), overlay
+
+
+def _spare_photos(photos: Sequence[Path], planned: Sequence[OutputPaths]) -> None:
+    """No output may take the place of a photo of the run: ``car.overlay.png`` beside ``car.jpg``."""
+    named = {photo.absolute() for photo in photos}
+    for paths in planned:
+        for path in (paths.json, paths.overlay, paths.candidates, paths.card):
+            if path.absolute() in named:
+                raise InputError(
+                    f"{path} is one of the photos and would be written over: choose another --out"
+                )
+
+
+def _sweep(out: Path) -> None:
+    for part in out.glob(".cadpose-*.part"):
+        if time.time() - part.stat().st_mtime > _LEFT_BEHIND_SECONDS:
+            part.unlink(missing_ok=True)

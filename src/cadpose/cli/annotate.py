@@ -10,6 +10,7 @@ import typer
 from cadpose.cli.options import (
     AlignTo,
     Candidates,
+    Categories,
     Device,
     Json,
     LibraryFolder,
@@ -18,7 +19,7 @@ from cadpose.cli.options import (
     Similarity,
     make_annotator,
 )
-from cadpose.cli.output import print_json, print_table, progress_bar, stderr, user_errors
+from cadpose.cli.output import complain, print_json, print_table, progress_bar
 
 if TYPE_CHECKING:
     from cadpose.batch.run import DetectionsOf, PhotoOutcome
@@ -32,10 +33,7 @@ def annotate(
     box: Annotated[
         list[str] | None, typer.Option("--box", help="x0,y0,x1,y1 in pixels, instead of the detector.")
     ] = None,
-    category: Annotated[
-        list[str] | None,
-        typer.Option("--category", help="The boxes' category; without --box, the categories to look for."),
-    ] = None,
+    category: Categories = None,
     rotation: Annotated[
         list[str] | None,
         typer.Option("--rotation", help="azimuth,elevation,inplane of the boxes, in degrees."),
@@ -53,49 +51,52 @@ def annotate(
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
-    """Find the objects, name their CAD models and poses, draw them over the photos."""
+    """Find the objects, name their CAD models and poses, draw them over the photos.
+
+    Exit code 1: a photo, or an object that was found or given, could not be annotated; the others were.
+    """
     if detections is not None and (box or rotation):
         raise typer.BadParameter("give either --detections or --box and --rotation, not both")
     if rotation and not box:
         raise typer.BadParameter("--rotation belongs to --box: give the box of the object too")
-    with user_errors():
-        from cadpose.annotations.store import Store
-        from cadpose.batch.run import annotate_photos
-        from cadpose.photos import find_photos
+    for option, given in (("--category", category), ("--rotation", rotation)):
+        if box and given and len(given) not in (1, len(box)):
+            raise typer.BadParameter(f"{option} was given {len(given)} times for {len(box)} boxes")
+    from cadpose.annotations.store import Store
+    from cadpose.batch.run import annotate_photos
+    from cadpose.photos import find_photos
 
-        known = _given(box or [], category or [], rotation or [], detections)
-        paths = find_photos(photos)
-        annotator = make_annotator(
-            library,
-            device=device,
-            seed=seed,
-            candidates=candidates,
-            similarity=similarity,
-            renderer=renderer,
-            align_to=align_to,
-            categories=None if known else category,
-        )
-        outcomes: list[PhotoOutcome] = []
-        keep = None if store is None else Store(store)
-        try:
-            with progress_bar("annotate", len(paths)) as bar:
-                for outcome in annotate_photos(
-                    annotator, paths, out, detections=known, store=keep, resume=resume
-                ):
-                    outcomes.append(outcome)
-                    if outcome.error:
-                        stderr.print(
-                            f"cadpose: {outcome.error}", markup=False, highlight=False, soft_wrap=True
-                        )
-                    bar.advance(bar.tasks[0].id)
-        finally:
-            if keep is not None:
-                keep.close()
+    known = _given(box or [], category or [], rotation or [], detections)
+    paths = find_photos(photos)
+    annotator = make_annotator(
+        library,
+        device=device,
+        seed=seed,
+        candidates=candidates,
+        similarity=similarity,
+        renderer=renderer,
+        align_to=align_to,
+        categories=None if known else category,
+    )
+    outcomes: list[PhotoOutcome] = []
+    keep = None if store is None else Store(store)
+    try:
+        with progress_bar("annotate", len(paths)) as bar:
+            for outcome in annotate_photos(
+                annotator, paths, out, detections=known, store=keep, resume=resume
+            ):
+                outcomes.append(outcome)
+                for sentence in _complaints(outcome):
+                    complain(sentence)
+                bar.advance(bar.tasks[0].id)
+    finally:
+        if keep is not None:
+            keep.close()
     if json:
         print_json([_told(outcome) for outcome in outcomes])
     else:
         _print(outcomes, out)
-    if any(outcome.error for outcome in outcomes):
+    if any(_complaints(outcome) for outcome in outcomes):
         raise typer.Exit(1)
 
 
@@ -104,18 +105,32 @@ def _given(
 ) -> DetectionsOf | None:
     from cadpose.detection.coco_json import FileDetector
     from cadpose.detection.given import given_detections, parse_box, parse_rotation
+    from cadpose.errors import InputError
 
     if file is not None:
         return FileDetector(file, categories or None).detect
     if not boxes:
         return None
-    parsed = [parse_box(text) for text in boxes]
-    turned = [parse_rotation(text) for text in rotations]
+    try:
+        parsed = [parse_box(text) for text in boxes]
+        turned = [parse_rotation(text) for text in rotations]
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from None
 
     def given(photo: Photo) -> list[Detection]:
         return given_detections(photo, parsed, categories, turned)
 
     return given
+
+
+def _complaints(outcome: PhotoOutcome) -> list[str]:
+    """A sentence for the photo if it failed, or for each of its objects that did."""
+    if outcome.document is None:
+        return [outcome.error]
+    return [
+        f"{outcome.photo}: {failure.detection.category} left out: {failure.reason}"
+        for failure in outcome.document.failures
+    ]
 
 
 def _told(outcome: PhotoOutcome) -> dict[str, Any]:
@@ -154,7 +169,7 @@ def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
             rows.append([name, "failed", "", "", "", ""])
             continue
         parts = outcome.document.annotations
-        if not parts:
+        if not parts and not outcome.document.failures:
             rows.append([name, "no object found", "", "", "", ""])
         for part in parts:
             pose = part.pose
@@ -169,8 +184,10 @@ def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
                     f"{part.box_iou:.2f}",
                 ]
             )
-        for failure in outcome.document.failures:
-            rows.append([name, failure.detection.category, failure.reason, "", "", ""])
+        rows += [
+            [name, failure.detection.category, "left out", "", "", ""]
+            for failure in outcome.document.failures
+        ]
     columns = ["photo", "category", "CAD model", "azimuth elevation in-plane", "focal length", "box IoU"]
     print_table(f"{len(outcomes)} photos", columns, rows)
-    typer.echo(f"Pictures and documents: {out}/index.html")
+    typer.echo(f"Pictures and documents: {out / 'index.html'}")

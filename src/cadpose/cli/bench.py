@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cadpose.cli.options import Device, Json, LibraryFolder, Seed, make_annotator
-from cadpose.cli.output import print_json, print_table, stderr, user_errors
+from cadpose.cli.output import complain, print_json, print_table
 
 
 def bench(
@@ -27,20 +27,19 @@ def bench(
     Without a photo, a render of the library stands in for one. Read ratios, not single times: they were
     taken in one run on this machine.
     """
-    with user_errors():
-        from cadpose.evaluation.bench_rendering import bench_renderers
-        from cadpose.evaluation.bench_stages import bench_meshes, bench_stages, stand_in_photo
-        from cadpose.photos import find_photos, read_photo
+    from cadpose.evaluation.bench_rendering import bench_renderers
+    from cadpose.evaluation.bench_stages import bench_meshes, bench_stages, stand_in_photo
+    from cadpose.photos import find_photos, read_photo
 
-        annotator = make_annotator(library, device=device, seed=seed)
-        pictures = [read_photo(p) for p in find_photos(photos)] if photos else [stand_in_photo(annotator)]
-        stages = bench_stages(annotator, pictures, repeats)
-        timings = []
-        if renderers:
-            timings = bench_renderers(
-                bench_meshes(annotator.library),
-                progress=lambda line: stderr.print(line, markup=False, highlight=False),
-            )
+    annotator = make_annotator(library, device=device, seed=seed)
+    pictures = [read_photo(p) for p in find_photos(photos)] if photos else [stand_in_photo(annotator)]
+    stages = bench_stages(annotator, pictures, repeats)
+    timings = []
+    if renderers:
+        timings = bench_renderers(
+            bench_meshes(annotator.library),
+            progress=complain,
+        )
     if json:
         print_json({"stages": stages, "renderers": [dataclasses.asdict(t) for t in timings]})
         return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from cadpose.cli.output import stderr, user_errors
+from cadpose.cli.output import complain
 
 app = typer.Typer(help="Blender as a renderer, in a virtualenv of its own.", no_args_is_help=True)
 
@@ -17,8 +17,7 @@ def _group() -> None:
 @app.command("setup")
 def setup() -> None:
     """Make Blender's virtualenv (several hundred MB; GPL-3) and try it."""
-    with user_errors():
-        from cadpose.rendering.blender import setup_blender
+    from cadpose.rendering.blender import setup_blender
 
-        python = setup_blender(progress=lambda line: stderr.print(line, markup=False, highlight=False))
+    python = setup_blender(progress=complain)
     typer.echo(str(python))

@@ -7,62 +7,58 @@ from typing import Annotated, Any
 
 import typer
 
-from cadpose.cli.options import Device, Json, Seed
-from cadpose.cli.output import print_json, print_table, progress_bar, stderr, user_errors
+from cadpose.cli.options import Categories, Device, Json, Seed
+from cadpose.cli.output import complain, print_json, print_table, progress_bar
 
 
 def detect(
     photos: Annotated[list[str], typer.Argument(metavar="PHOTO|DIR|GLOB...", help="Photographs.")],
-    category: Annotated[list[str] | None, typer.Option("--category", help="Only these categories.")] = None,
+    category: Categories = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Draw the boxes into this folder.")] = None,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
     """Find the objects of photographs: boxes and categories."""
-    with user_errors():
-        from cadpose.annotations.boxes import draw_detections
-        from cadpose.annotations.files import output_paths, write_atomic
-        from cadpose.annotations.style import png_bytes
-        from cadpose.backends import embedded_detector
-        from cadpose.errors import CadposeError
-        from cadpose.photos import find_photos, read_photo
+    from cadpose.annotations.boxes import draw_detections
+    from cadpose.annotations.files import output_paths, write_atomic
+    from cadpose.annotations.style import png_bytes
+    from cadpose.backends import embedded_detector
+    from cadpose.errors import CadposeError
+    from cadpose.photos import find_photos, read_photo
 
-        paths = find_photos(photos)
-        detector = embedded_detector(device, category)
-        if out is not None:
-            out.mkdir(parents=True, exist_ok=True)
-        told: list[dict[str, Any]] = []
-        with progress_bar("detect", len(paths)) as bar:
-            for path, outputs in zip(paths, output_paths(paths, out or Path()), strict=True):
-                try:
-                    photo = read_photo(path)
-                    found = detector.detect(photo)
-                    if out is not None:
-                        picture = outputs.json.with_suffix(".detections.png")
-                        write_atomic(picture, png_bytes(draw_detections(photo, found)))
-                    objects = [
-                        {"category": d.category, "score": round(d.score, 4), "box": list(d.box.to_tuple())}
-                        for d in found
-                    ]
-                    told.append({"photo": str(path), "error": None, "detections": objects})
-                except CadposeError as error:
-                    stderr.print(f"cadpose: {error}", markup=False, highlight=False, soft_wrap=True)
-                    told.append({"photo": str(path), "error": str(error), "detections": []})
-                bar.advance(bar.tasks[0].id)
+    paths = find_photos(photos)
+    detector = embedded_detector(device, category)
+    told: list[dict[str, Any]] = []
+    with progress_bar("detect", len(paths)) as bar:
+        for path, outputs in zip(paths, output_paths(paths, out or Path()), strict=True):
+            try:
+                photo = read_photo(path)
+                found = detector.detect(photo)
+                if out is not None:
+                    picture = outputs.json.with_suffix(".detections.png")
+                    write_atomic(picture, png_bytes(draw_detections(photo, found)))
+                objects = [
+                    {"category": d.category, "score": round(d.score, 4), "box": list(d.box.to_tuple())}
+                    for d in found
+                ]
+                told.append({"photo": str(path), "error": None, "detections": objects})
+            except CadposeError as error:
+                complain(str(error))
+                told.append({"photo": str(path), "error": str(error), "detections": []})
+            bar.advance(bar.tasks[0].id)
     if json:
         print_json(told)
     else:
-        rows = [
-            [
-                Path(t["photo"]).name,
-                d["category"],
-                f"{d['score']:.2f}",
-                " ".join(f"{v:.0f}" for v in d["box"]),
+        rows = []
+        for t in told:
+            name = Path(t["photo"]).name
+            if not t["detections"]:
+                rows.append([name, "failed" if t["error"] else "no object found", "", ""])
+            rows += [
+                [name, d["category"], f"{d['score']:.2f}", " ".join(f"{v:.0f}" for v in d["box"])]
+                for d in t["detections"]
             ]
-            for t in told
-            for d in t["detections"] or [{"category": "nothing found", "score": 0.0, "box": []}]
-        ]
         print_table(f"{len(told)} photos", ["photo", "category", "score", "box"], rows)
     if any(t["error"] for t in told):
         raise typer.Exit(1)

@@ -18,7 +18,7 @@ from cadpose.cli.options import (
     Similarity,
     make_annotator,
 )
-from cadpose.cli.output import print_json, print_table, progress_bar, stderr, user_errors
+from cadpose.cli.output import complain, print_json, print_table, progress_bar
 
 app = typer.Typer(help="Tables over labelled photographs.", no_args_is_help=True)
 
@@ -38,24 +38,19 @@ def rotation(
     seed: Seed = 0,
 ) -> None:
     """Acc@30, Acc@10, median error and azimuth flips of the estimated rotation."""
-    with user_errors():
-        from cadpose.errors import CadposeError
-        from cadpose.evaluation.labels import object_in_photo, read_labels
-        from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
+    from cadpose.errors import CadposeError
+    from cadpose.evaluation.labels import object_in_photo, read_labels
+    from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
 
-        wanted = read_labels(labels, category)
-        annotator = make_annotator(
-            library, device=device, seed=seed, candidates=candidates, renderer=renderer
+    wanted = read_labels(labels, category)
+    annotator = make_annotator(library, device=device, seed=seed, candidates=candidates, renderer=renderer)
+    with progress_bar("rotation", len(wanted)) as bar:
+        results = evaluate_rotation(
+            wanted,
+            lambda label: annotator.estimate_rotation(*object_in_photo(label), label.category)[0].rotation,
+            CadposeError,
+            lambda _: bar.advance(bar.tasks[0].id),
         )
-        with progress_bar("rotation", len(wanted)) as bar:
-            results = evaluate_rotation(
-                wanted,
-                lambda label: (
-                    annotator.estimate_rotation(*object_in_photo(label), label.category)[0].rotation
-                ),
-                CadposeError,
-                lambda _: bar.advance(bar.tasks[0].id),
-            )
     _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason])
     table = rotation_table(results)
     if json:
@@ -110,40 +105,39 @@ def retrieval(
     seed: Seed = 0,
 ) -> None:
     """How often the true CAD model is ranked first, among the first two and three."""
-    with user_errors():
-        from cadpose.errors import CadposeError, InputError
-        from cadpose.evaluation.labels import Label, object_in_photo, read_gallery, read_labels
-        from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_table
+    from cadpose.errors import CadposeError, InputError
+    from cadpose.evaluation.labels import Label, object_in_photo, read_gallery, read_labels
+    from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_table
 
-        wanted = [label for label in read_labels(labels, category) if label.cad is not None]
-        if not wanted:
-            raise InputError(f"{labels}: no label names its cad")
-        annotator = make_annotator(
-            library,
-            device=device,
-            seed=seed,
-            candidates=candidates,
-            similarity=similarity,
-            renderer=renderer,
-        )
-        chosen = None if gallery is None else [annotator.library.get(i) for i in read_gallery(gallery)]
+    wanted = [label for label in read_labels(labels, category) if label.cad is not None]
+    if not wanted:
+        raise InputError(f"{labels}: no label names its cad")
+    annotator = make_annotator(
+        library,
+        device=device,
+        seed=seed,
+        candidates=candidates,
+        similarity=similarity,
+        renderer=renderer,
+    )
+    chosen = None if gallery is None else [annotator.library.get(i) for i in read_gallery(gallery)]
 
-        def rank(label: Label) -> Sequence[str]:
-            photo, box = object_in_photo(label)
-            pool = annotator.library.representatives(label.category, candidates)
-            cads = pool if chosen is None else [c for c in chosen if c.category == label.category]
-            if not cads:
-                raise InputError(f"{gallery}: no CAD model of category {label.category!r}")
-            if rotation_from == "estimated":
-                turned = annotator.estimate_rotation(photo, box, label.category, cads)[0].rotation
-            elif label.rotation is not None:
-                turned = label.rotation
-            else:
-                raise InputError(f"{label.photo}: has no labelled rotation, use --rotation estimated")
-            return [c.cad.id for c in annotator.rank(photo, box, cads, [turned])]
+    def rank(label: Label) -> Sequence[str]:
+        photo, box = object_in_photo(label)
+        pool = annotator.library.representatives(label.category, candidates)
+        cads = pool if chosen is None else [c for c in chosen if c.category == label.category]
+        if not cads:
+            raise InputError(f"{gallery}: no CAD model of category {label.category!r}")
+        if rotation_from == "estimated":
+            turned = annotator.estimate_rotation(photo, box, label.category, cads)[0].rotation
+        elif label.rotation is not None:
+            turned = label.rotation
+        else:
+            raise InputError(f"{label.photo}: has no labelled rotation, use --rotation estimated")
+        return [c.cad.id for c in annotator.rank(photo, box, cads, [turned])]
 
-        with progress_bar("retrieval", len(wanted)) as bar:
-            results = evaluate_retrieval(wanted, rank, CadposeError, lambda _: bar.advance(bar.tasks[0].id))
+    with progress_bar("retrieval", len(wanted)) as bar:
+        results = evaluate_retrieval(wanted, rank, CadposeError, lambda _: bar.advance(bar.tasks[0].id))
     _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason])
     table = retrieval_table(results)
     if json:
@@ -171,5 +165,4 @@ def _rows(table: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
 
 def _report_failures(failures: Sequence[tuple[str, str]]) -> None:
     for photo, reason in failures:
-        text = reason if photo in reason else f"{photo}: {reason}"
-        stderr.print(f"cadpose: {text}", markup=False, highlight=False, soft_wrap=True)
+        complain(reason if photo in reason else f"{photo}: {reason}")

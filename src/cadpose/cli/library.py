@@ -9,8 +9,11 @@ from typing import Annotated
 
 import typer
 
-from cadpose.cli.options import Json, LibraryFolder
-from cadpose.cli.output import print_json, print_table, progress_bar, stderr, user_errors
+from cadpose.cli.options import Categories, Json, LibraryFolder
+from cadpose.cli.output import complain, print_json, print_table, progress_bar
+
+#: What was mended in models is told this often: of a large catalogue it would be pages.
+_WARNINGS = 10
 
 app = typer.Typer(help="The CAD catalogue: add models, list, check and show them.", no_args_is_help=True)
 
@@ -24,9 +27,7 @@ def add(
             "one such file, or 'sweethome3d' for the installed Debian package."
         ),
     ],
-    category: Annotated[
-        list[str] | None, typer.Option("--category", help="Only models of these library categories.")
-    ] = None,
+    category: Categories = None,
     as_category: Annotated[
         str | None, typer.Option("--as", help="Category of a folder's models that tell none.")
     ] = None,
@@ -43,32 +44,35 @@ def add(
     json: Json = False,
 ) -> None:
     """Import models; those that are there already and have not changed are left alone."""
-    with user_errors():
-        from cadpose.library.catalogue import Library
-        from cadpose.library.importers import add_path
-        from cadpose.library.sweethome3d import installed_package
+    from cadpose.library.catalogue import Library
+    from cadpose.library.importers import add_path
+    from cadpose.library.sweethome3d import installed_package
 
-        path = installed_package() if source == "sweethome3d" else Path(source)
-        catalogue = Library.create(library)
-        with progress_bar("import", None) as bar:
+    path = installed_package() if source == "sweethome3d" else Path(source)
+    catalogue = Library.create(library)
+    with progress_bar("import", None) as bar:
 
-            def progress(done: int, total: int, name: str) -> None:
-                bar.update(bar.tasks[0].id, completed=done, total=total)
+        def progress(done: int, total: int, name: str) -> None:
+            bar.update(bar.tasks[0].id, completed=done, total=total)
 
-            report = add_path(
-                catalogue,
-                path,
-                categories=tuple(category) if category else None,
-                limit=limit,
-                table=table,
-                category=as_category,
-                front=front,
-                up=up,
-                workers=workers or os.cpu_count() or 1,
-                progress=progress,
-            )
+        report = add_path(
+            catalogue,
+            path,
+            categories=tuple(category) if category else None,
+            limit=limit,
+            table=table,
+            category=as_category,
+            front=front,
+            up=up,
+            workers=workers or os.cpu_count() or 1,
+            progress=progress,
+        )
     for cad_id, reason in report.failed:
-        stderr.print(f"cadpose: {cad_id} left out: {reason}", markup=False, highlight=False, soft_wrap=True)
+        complain(f"{cad_id} left out: {reason}")
+    for warning in report.warnings[:_WARNINGS]:
+        complain(warning)
+    if len(report.warnings) > _WARNINGS:
+        complain(f"{len(report.warnings) - _WARNINGS} more models were mended, --json names them all")
     if json:
         print_json(dataclasses.asdict(report))
     else:
@@ -87,15 +91,14 @@ def list_models(
     json: Json = False,
 ) -> None:
     """Models a category, or the models of one category."""
-    with user_errors():
-        from cadpose.errors import LibraryError
-        from cadpose.library.catalogue import Library
+    from cadpose.errors import LibraryError
+    from cadpose.library.catalogue import Library
 
-        catalogue = Library.open(library)
-        models = catalogue.models(category)
-        if not models:
-            known = ", ".join(catalogue.categories())
-            raise LibraryError(f"the library has no model of category {category!r}, it has {known}")
+    catalogue = Library.open(library)
+    models = catalogue.models(category)
+    if not models:
+        known = ", ".join(catalogue.categories())
+        raise LibraryError(f"the library has no model of category {category!r}, it has {known}")
     if json and category is None:
         print_json({"path": str(catalogue.path), "models": len(models), "categories": catalogue.categories()})
     elif json:
@@ -111,11 +114,10 @@ def list_models(
 @app.command("check")
 def check(library: LibraryFolder = None, json: Json = False) -> None:
     """Read every model again and name what is damaged."""
-    with user_errors():
-        from cadpose.library.catalogue import Library
+    from cadpose.library.catalogue import Library
 
-        catalogue = Library.open(library)
-        problems = catalogue.check()
+    catalogue = Library.open(library)
+    problems = catalogue.check()
     if json:
         print_json({"models": len(catalogue.models()), "problems": problems})
     else:
@@ -138,28 +140,27 @@ def show(
     library: LibraryFolder = None,
 ) -> None:
     """Draw a contact sheet of the library or of one category."""
-    with user_errors():
-        from cadpose.annotations.files import write_atomic
-        from cadpose.annotations.style import png_bytes
-        from cadpose.errors import LibraryError
-        from cadpose.library.catalogue import Library
-        from cadpose.library.contact_sheet import contact_sheet
-        from cadpose.rendering.portraits import portraits
+    from cadpose.annotations.files import write_atomic
+    from cadpose.annotations.style import png_bytes
+    from cadpose.errors import LibraryError
+    from cadpose.library.catalogue import Library
+    from cadpose.library.contact_sheet import contact_sheet
+    from cadpose.rendering.portraits import portraits
 
-        catalogue = Library.open(library)
-        if category is None:
-            models = [catalogue.representatives(name, 1)[0] for name in catalogue.categories()]
-        else:
-            models = list(catalogue.models(category))
-            if not models:
-                raise LibraryError(
-                    f"the library has no model of category {category!r}, see `cadpose library list`"
-                )
-        with progress_bar("draw", len(models)) as bar:
-            entries = []
-            for entry in portraits(catalogue, models, azimuth, elevation):
-                entries.append(entry)
-                bar.advance(bar.tasks[0].id)
-        title = f"{category or 'one of each category'}: {len(models)} models"
-        write_atomic(out, png_bytes(contact_sheet(entries, columns, title)))
+    catalogue = Library.open(library)
+    if category is None:
+        models = [catalogue.representatives(name, 1)[0] for name in catalogue.categories()]
+    else:
+        models = list(catalogue.models(category))
+        if not models:
+            raise LibraryError(
+                f"the library has no model of category {category!r}, see `cadpose library list`"
+            )
+    with progress_bar("draw", len(models)) as bar:
+        entries = []
+        for entry in portraits(catalogue, models, azimuth, elevation):
+            entries.append(entry)
+            bar.advance(bar.tasks[0].id)
+    title = f"{category or 'one of each category'}: {len(models)} models"
+    write_atomic(out, png_bytes(contact_sheet(entries, columns, title)))
     typer.echo(str(out))

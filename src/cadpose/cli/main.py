@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import io
+import sys
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from cadpose import __version__
 from cadpose.cli import annotate, bench, blender, detect, doctor, evaluate, library
-from cadpose.cli.output import set_up_logging
+from cadpose.cli.output import set_up_logging, user_errors
+
+
+class _Verbs(TyperGroup):
+    """Every verb's errors are told in one place."""
+
+    def invoke(self, ctx: Any) -> Any:
+        with user_errors():
+            return super().invoke(ctx)
+
 
 app = typer.Typer(
     name="cadpose",
+    cls=_Verbs,
     help="Which CAD model is the object in this photo, and how is it turned?",
     no_args_is_help=True,
     add_completion=False,
@@ -46,4 +59,8 @@ app.add_typer(blender.app, name="blender")
 
 def main() -> None:
     """Entry point of the console script."""
+    # Names of files need not be text, and a terminal need not know every letter.
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     app()

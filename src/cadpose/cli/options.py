@@ -20,8 +20,37 @@ LibraryFolder = Annotated[
     ),
 ]
 Candidates = Annotated[int, typer.Option("--candidates", min=1, help="CAD models compared a category.")]
+
+
+def _library_categories(names: list[str] | None) -> list[str] | None:
+    from cadpose.library.class_map import category_from_name
+
+    return names and [category_from_name(name) or name.strip().lower() for name in names]
+
+
+Categories = Annotated[
+    list[str] | None,
+    typer.Option("--category", callback=_library_categories, help="Only these library categories."),
+]
+
+
+def _known_similarity(name: str) -> str:
+    from cadpose.encoder import lite0
+    from cadpose.similarity.registry import measures
+
+    known = measures(lite0(), 0)
+    if name not in known:
+        raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}")
+    return name
+
+
 Similarity = Annotated[
-    str, typer.Option("--similarity", help="Measure: aligned, fused, sm1, sm2, sm3, sift-sm1 ...")
+    str,
+    typer.Option(
+        "--similarity",
+        callback=_known_similarity,
+        help="Measure: aligned, fused, sm1, sm2, sm3, sift-sm1 ...",
+    ),
 ]
 RendererName = Annotated[
     Literal["raster", "blender"], typer.Option("--renderer", help="What draws the models.")
