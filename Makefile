@@ -1,13 +1,14 @@
 # make demo   sets everything up and annotates real photographs
 # make test   lint, types and every test
-# Both work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
+# make blender  the optional Blender renderer (GPL-3) in a virtualenv of its own; its tests run when it is there
+# The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
 
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 APT    := $(shell [ "$$(id -u)" = 0 ] || echo sudo) apt-get
 
-.PHONY: demo test test-fast lint models clean
+.PHONY: demo test test-fast lint models blender clean
 
 demo: $(VENV)/.demo models
 	$(BIN)/cadpose library add sweethome3d
@@ -30,6 +31,11 @@ lint: $(VENV)/.test
 models:
 	@[ -d /usr/share/sweethome3d/furniture ] \
 		|| { $(APT) update -q && $(APT) install -qy --no-install-recommends sweethome3d-furniture; }
+
+blender: $(VENV)/.test
+	$(APT) update -q && $(APT) install -qy --no-install-recommends libx11-6 libgl1 libsm6 libxext6 libxfixes3 \
+		libxi6 libxrender1 libxkbcommon0
+	$(BIN)/cadpose blender setup
 
 # Debian's python3 comes without venv; ask apt for it only where it is missing.
 $(BIN)/python:
