@@ -22,7 +22,8 @@ def wilson_interval(successes: int, n: int, z: float = 1.959964) -> tuple[float,
     centre = p + z * z / (2 * n)
     half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
     scale = 1 + z * z / n
-    return max(0.0, (centre - half) / scale), min(1.0, (centre + half) / scale)
+    # Rounding must not leave the proportion itself outside.
+    return max(0.0, min(p, (centre - half) / scale)), min(1.0, max(p, (centre + half) / scale))
 
 
 def macro_mean(rows: Sequence[dict[str, float]], keys: Sequence[str]) -> dict[str, float]:

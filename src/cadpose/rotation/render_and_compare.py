@@ -122,8 +122,5 @@ def _between_grid_points(scores: FloatArray, best: int) -> FloatArray:
     weights = np.exp((scores[near] - scores[best]) / _PEAK_TEMPERATURE)
     mean = np.einsum("n,nij->ij", weights / weights.sum(), grid_rotations()[near])
     U, _, Vt = np.linalg.svd(mean)
-    R: FloatArray = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
-    # The grid is uneven: never leave the neighbourhood of the best template.
-    if geodesic_degrees(R, grid_rotations()[best]) > _PEAK_RADIUS:
-        R = grid_rotations()[best]
-    return R
+    # Of rotations so near to one another the nearest orthogonal matrix is a rotation, as near as they are.
+    return np.asarray(U @ Vt)
