@@ -81,10 +81,13 @@ class Lite0:
         return features, logits
 
 
-@lru_cache(maxsize=4)
 def lite0(device: str = "cpu", threads: int = 0) -> Lite0:
     """The process's shared encoder for that device and thread count."""
-    return Lite0(device, threads)
+    # lru_cache takes lite0() and lite0("cpu") for two.
+    return _shared(device, threads)
+
+
+_shared = lru_cache(maxsize=4)(Lite0)
 
 
 def _session(name: str, device: str, threads: int) -> Any:

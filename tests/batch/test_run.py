@@ -1,0 +1,398 @@
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cadpose.annotations.document import AnnotationDocument
+from cadpose.annotations.files import OutputPaths
+from cadpose.annotations.store import Store
+from cadpose.batch import outputs, run
+from cadpose.batch.run import PhotoOutcome, annotate_photos
+from cadpose.errors import CadposeError, DependencyError, InputError
+from cadpose.geometry.boxes import Box
+from cadpose.library.catalogue import Library
+from cadpose.pipeline import Annotator
+from cadpose.records import Detection, Photo
+from tests.batch.fakes import FakeDetector, fake_annotator
+from tests.small_library import save
+
+
+@pytest.fixture
+def annotator(small_library: Library) -> Annotator:
+    return fake_annotator(small_library)
+
+
+@pytest.fixture
+def photos(tmp_path: Path) -> list[Path]:
+    return [picture(tmp_path / "photos" / f"{name}.png", seed) for seed, name in enumerate("abc")]
+
+
+def picture(path: Path, seed: int = 0) -> Path:
+    return save(path, np.full((60, 80, 3), 40 + 2 * seed, np.uint8))
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def of(paths: OutputPaths) -> list[Path]:
+    return [paths.json, paths.overlay, paths.candidates, paths.card]
+
+
+def annotate_all(annotator: Annotator, photos: list[Path], out: Path, **kwargs: object) -> list[PhotoOutcome]:
+    return list(annotate_photos(annotator, photos, out, **kwargs))  # type: ignore[arg-type]
+
+
+def test_every_output_is_written_and_whole(annotator: Annotator, photos: list[Path], tmp_path: Path) -> None:
+    out = tmp_path / "out" / "deep"
+    outcomes = annotate_all(annotator, photos, out)
+    assert [o.photo for o in outcomes] == photos
+    for outcome in outcomes:
+        assert not outcome.error and not outcome.resumed and outcome.seconds
+        assert outcome.document is not None and len(outcome.document.annotations) == 1
+        assert AnnotationDocument.from_json(outcome.paths.json.read_text()) == outcome.document
+        assert outcome.document.photo.sha256 == hashlib.sha256(outcome.photo.read_bytes()).hexdigest()
+        for path in (outcome.paths.overlay, outcome.paths.candidates):
+            Image.open(path).load()
+        assert outcome.paths.card.read_text().endswith("</html>\n")
+    index = (out / "index.html").read_text()
+    assert all(f'{name}.card.html"' in index for name in "abc")
+    assert len(files(out)) == 13
+
+
+def test_the_document_comes_last(
+    annotator: Annotator, photos: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also in a second run: a document of the first must not vouch for the second's pictures."""
+    annotate_all(annotator, photos[:1], tmp_path / "out")
+    written: list[str] = []
+    real = outputs.write_atomic
+
+    def spy(path: Path, data: bytes) -> None:
+        written.append(path.name)
+        assert not (tmp_path / "out" / "a.json").exists()
+        real(path, data)
+
+    monkeypatch.setattr(outputs, "write_atomic", spy)
+    annotate_all(annotator, photos[:1], tmp_path / "out")
+    assert written == ["a.overlay.png", "a.candidates.png", "a.card.html", "a.json"]
+
+
+def test_a_photo_that_fails_does_not_stop_the_others(
+    annotator: Annotator, photos: list[Path], tmp_path: Path
+) -> None:
+    photos[1].write_bytes(b"no picture")
+    first, second, third = annotate_all(annotator, photos, tmp_path / "out")
+    assert first.document is not None and third.document is not None
+    assert second.document is None and str(photos[1]) in second.error
+    assert not any(p.exists() for p in of(second.paths))
+    index = (tmp_path / "out" / "index.html").read_text()
+    assert "a.card.html" in index and "c.card.html" in index and "b.card.html" not in index
+
+
+@pytest.mark.parametrize("error", [ValueError("odd"), OSError(28, "No space left on device"), MemoryError()])
+def test_whatever_a_photo_brings_to_light_the_others_go_on(
+    small_library: Library,
+    photos: list[Path],
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    error: Exception,
+) -> None:
+    class Broken(FakeDetector):
+        def detect(self, photo: Photo) -> list[Detection]:
+            if photo.name.endswith("b.png"):
+                raise error
+            return super().detect(photo)
+
+    with caplog.at_level(logging.DEBUG):
+        outcomes = annotate_all(fake_annotator(small_library, detector=Broken()), photos, tmp_path / "out")
+    assert [bool(o.error) for o in outcomes] == [False, True, False]
+    assert outcomes[1].error.startswith(f"{photos[1]}: cannot be annotated ({type(error).__name__}")
+    assert [r.exc_info[1] for r in caplog.records if r.exc_info] == [error]
+
+
+def test_missing_weights_stop_the_run(small_library: Library, photos: list[Path], tmp_path: Path) -> None:
+    class NoWeights(FakeDetector):
+        def detect(self, photo: Photo) -> list[Detection]:
+            raise DependencyError("the weights are missing")
+
+    annotator = fake_annotator(small_library, detector=NoWeights())
+    with pytest.raises(DependencyError):
+        annotate_all(annotator, photos, tmp_path / "out")
+
+
+def test_failures_and_given_detections_are_in_the_document(
+    small_library: Library, photos: list[Path], tmp_path: Path
+) -> None:
+    annotator = fake_annotator(small_library, detector=FakeDetector(lamp=True))
+    (outcome,) = annotate_all(annotator, photos[:1], tmp_path / "out")
+    assert outcome.document is not None
+    assert [f.stage for f in outcome.document.failures] == ["library"]
+    assert len(outcome.document.annotations) == 1
+
+    def given(photo: Photo) -> list[Detection]:
+        return [Detection(Box(1, 2, 30, 40), "car"), Detection(Box(10, 2, 70, 40), "chair")]
+
+    (outcome,) = annotate_all(annotator, photos[:1], tmp_path / "out", detections=given)
+    assert outcome.document is not None
+    assert [a.detection.category for a in outcome.document.annotations] == ["car", "chair"]
+
+
+def test_a_photo_without_objects_is_done_too(
+    annotator: Annotator, photos: list[Path], tmp_path: Path
+) -> None:
+    (outcome,) = annotate_all(annotator, photos[:1], tmp_path / "out", detections=lambda photo: [])
+    assert outcome.document is not None and not outcome.document.annotations
+    assert all(p.is_file() for p in of(outcome.paths))
+
+
+# -- resume ----------------------------------------------------------------------------------------
+
+
+def test_resume_leaves_finished_photos_alone(
+    annotator: Annotator, photos: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    first = annotate_all(annotator, photos, out)
+    before = files(out)
+    again = annotate_all(annotator, photos, out, resume=True)
+    assert all(o.resumed for o in again)
+    assert [o.document for o in again] == [o.document for o in first]
+    assert files(out) == before, "the index too is the same"
+    detector = annotator.detector
+    assert isinstance(detector, FakeDetector) and len(detector.seen) == 3
+    assert not any(o.resumed for o in annotate_all(annotator, photos, out))
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-20])
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda photo, paths: picture(photo, 99),
+        lambda photo, paths: paths.json.unlink(),
+        lambda photo, paths: paths.overlay.unlink(),
+        lambda photo, paths: paths.candidates.unlink(),
+        lambda photo, paths: paths.card.unlink(),
+        lambda photo, paths: cut(paths.json),
+        lambda photo, paths: paths.json.write_bytes(b"\xff\xfe"),
+        lambda photo, paths: paths.overlay.write_bytes(b""),
+    ],
+    ids=["other bytes", "no json", "no overlay", "no strip", "no card", "cut json", "no utf-8", "no picture"],
+)
+def test_resume_does_again_what_is_not_whole(
+    annotator: Annotator, photos: list[Path], tmp_path: Path, spoil: Callable[[Path, OutputPaths], object]
+) -> None:
+    out = tmp_path / "out"
+    first = annotate_all(annotator, photos[:2], out)
+    spoil(photos[0], first[0].paths)
+    again = annotate_all(annotator, photos[:2], out, resume=True)
+    assert [o.resumed for o in again] == [False, True]
+    assert all(p.is_file() for p in of(again[0].paths))
+    assert again[0].document is not None
+    assert again[0].document.photo.sha256 == hashlib.sha256(photos[0].read_bytes()).hexdigest()
+
+
+# -- names -----------------------------------------------------------------------------------------
+
+
+def test_photos_of_one_stem_do_not_collide(annotator: Annotator, tmp_path: Path) -> None:
+    photos = [
+        picture(tmp_path / name, i)
+        for i, name in enumerate(("x/car.png", "y/car.png", "y/CAR.jpg", "bus.png"))
+    ]
+    outcomes = annotate_all(annotator, photos, tmp_path / "out")
+    assert len({p for o in outcomes for p in of(o.paths)}) == 16
+    for outcome in outcomes:
+        document = AnnotationDocument.from_json(outcome.paths.json.read_text())
+        assert document.photo.name == str(outcome.photo)
+    assert (tmp_path / "out" / "bus.json").is_file()
+
+
+def test_no_output_takes_the_place_of_a_photo(annotator: Annotator, tmp_path: Path) -> None:
+    photos = [picture(tmp_path / name, i) for i, name in enumerate(("car.png", "car.overlay.png"))]
+    before = files(tmp_path)
+    with pytest.raises(InputError, match=r"car\.overlay\.png is one of the photos"):
+        annotate_all(annotator, photos, tmp_path)
+    assert files(tmp_path) == before
+
+
+def test_outputs_beside_the_photos(annotator: Annotator, photos: list[Path]) -> None:
+    before = files(photos[0].parent)
+    annotate_all(annotator, photos, photos[0].parent)
+    after = files(photos[0].parent)
+    assert {name: after[name] for name in before} == before and len(after) == 3 + 13
+
+
+# -- store -----------------------------------------------------------------------------------------
+
+
+def test_the_store_gets_the_same_documents(annotator: Annotator, photos: list[Path], tmp_path: Path) -> None:
+    with Store(f"sqlite:///{tmp_path / 'all.db'}") as store:
+        photos[2].write_bytes(b"")
+        outcomes = annotate_all(annotator, photos, tmp_path / "out", store=store)
+        assert len(store.photos()) == 2
+        for outcome in outcomes[:2]:
+            assert outcome.document is not None
+            assert store.document(outcome.document.photo.sha256) == outcome.document
+    # What was done before there was a store gets into it by --resume.
+    with Store(f"sqlite:///{tmp_path / 'late.db'}") as store:
+        again = annotate_all(annotator, photos[:2], tmp_path / "out", store=store, resume=True)
+        assert all(o.resumed for o in again) and len(store.photos()) == 2
+
+
+def test_a_store_that_cannot_be_written_stops_the_run(
+    annotator: Annotator, photos: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Store("sqlite://") as store:
+
+        def full(document: AnnotationDocument) -> bool:
+            raise CadposeError("cannot write the store memory: disk full")
+
+        monkeypatch.setattr(store, "add", full)
+        with pytest.raises(CadposeError, match="disk full"):
+            annotate_all(annotator, photos, tmp_path / "out", store=store)
+    assert (tmp_path / "out" / "index.html").is_file()
+
+
+# -- places and interruptions ----------------------------------------------------------------------
+
+
+def test_a_place_that_cannot_be_used(annotator: Annotator, photos: list[Path], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("here")
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(InputError, match=rf"{out}: cannot be made \(.+\), choose another --out"):
+            annotate_all(annotator, photos, out)
+    assert (tmp_path / "file").read_text() == "here"
+
+
+def test_a_full_disk_fails_photos_in_one_sentence_and_leaves_nothing(
+    annotator: Annotator, photos: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    real, count = os.fsync, 0
+
+    def full(handle: int) -> None:
+        nonlocal count
+        count += 1
+        if 3 <= count <= 4:
+            raise OSError(28, "No space left on device")
+        real(handle)
+
+    monkeypatch.setattr(os, "fsync", full)
+    outcomes = annotate_all(annotator, photos, out)
+    assert ["No space left on device" in o.error for o in outcomes] == [True, True, False]
+    assert not list(out.glob("*.part")) + list(out.glob(".*"))
+    for outcome in outcomes:
+        assert outcome.paths.json.exists() == (not outcome.error)
+
+
+def test_a_stopped_run_still_writes_its_index(
+    small_library: Library, photos: list[Path], tmp_path: Path
+) -> None:
+    class Stopped(FakeDetector):
+        def detect(self, photo: Photo) -> list[Detection]:
+            if photo.name.endswith("b.png"):
+                raise KeyboardInterrupt
+            return super().detect(photo)
+
+    with pytest.raises(KeyboardInterrupt):
+        annotate_all(fake_annotator(small_library, detector=Stopped()), photos, tmp_path / "out")
+    index = (tmp_path / "out" / "index.html").read_text()
+    assert "a.card.html" in index and "b.card.html" not in index
+
+
+def test_leftovers_of_a_killed_run_are_swept_away(
+    annotator: Annotator, photos: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    old, young, other = (out / n for n in (".cadpose-0.part", ".cadpose-1.part", "mine.part"))
+    for path in (old, young, other):
+        path.write_bytes(b"half")
+        os.utime(path, (time.time() - 7200,) * 2)
+    os.utime(young)
+    annotate_all(annotator, photos[:1], out)
+    assert [p.exists() for p in (old, young, other)] == [False, True, True]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from cadpose.batch.run import annotate_photos
+from tests.batch.fakes import fake_annotator
+library, photos, out, *moments = sys.argv[1:]
+photos = sorted(Path(photos).iterdir())
+annotator = fake_annotator(Path(library))
+annotator.library.mesh(annotator.library.models("chair")[0])
+for k in map(int, moments):
+    child = os.fork()
+    if not child:
+        real, count = os.fsync, 0
+        def kill_at_k(handle):
+            global count
+            count += 1
+            if count == k:
+                os.kill(os.getpid(), signal.SIGKILL)
+            real(handle)
+        os.fsync = kill_at_k
+        list(annotate_photos(annotator, photos, Path(out, str(k))))
+        os._exit(0)
+    print(k, os.waitpid(child, 0)[1], flush=True)
+"""
+
+
+def test_a_killed_process_leaves_whole_files_only(
+    annotator: Annotator, small_library: Library, photos: list[Path], tmp_path: Path
+) -> None:
+    """SIGKILL at a flush to the disk: each of the 13 files flushes itself, moves, flushes its folder."""
+    moments = [str(k) for k in (1, 3, 6, 7, 8, 13, 25)]
+    arguments = [str(small_library.path), str(photos[0].parent), str(tmp_path / "killed")]
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, *arguments, *moments],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        cwd=Path(__file__).parents[2],
+        check=True,
+    )
+    assert done.stdout.split() == [text for k in moments for text in (k, "9")]
+    annotate_all(annotator, photos, tmp_path / "whole")
+    names = set(files(tmp_path / "whole"))
+    for k in moments:
+        out = tmp_path / "killed" / k
+        found = files(out)
+        hidden = {name for name in found if name.startswith(".cadpose-") and name.endswith(".part")}
+        assert len(hidden) <= 1 and set(found) - hidden <= names
+        for name in set(found) - hidden:
+            if name.endswith(".png"):
+                Image.open(out / name).load()
+            elif name.endswith(".html"):
+                assert found[name].endswith(b"</html>\n")
+            else:
+                assert json.loads(found[name])["schema"] == "cadpose.annotation/1"
+                stem = name.removesuffix(".json")
+                assert {f"{stem}.overlay.png", f"{stem}.candidates.png", f"{stem}.card.html"} <= set(found)
+    # The next run takes up where the killed one was.
+    out = tmp_path / "killed" / "13"
+    again = annotate_all(annotator, photos, out, resume=True)
+    assert [o.resumed for o in again] == [True, False, False]
+    assert {n for n in files(out) if not n.startswith(".")} == names
+
+
+def test_swept_folders_may_be_shared(tmp_path: Path) -> None:
+    run._sweep(tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,108 @@
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cadpose.backends import Backends, embedded_detector, encoder_on
+from cadpose.encoder import lite0
+from cadpose.errors import CadposeError, DependencyError
+from cadpose.geometry.frames import FloatArray
+from cadpose.records import CadModel, Views
+from cadpose.rendering.raster import Rasteriser
+from cadpose.rotation.render_and_compare import RenderAndCompare
+from cadpose.weights import cache_folder
+
+
+def nothing_drawn(cad: CadModel, R_cv_from_s: FloatArray) -> Views:
+    raise AssertionError("making a backend draws nothing")
+
+
+@pytest.fixture
+def backends() -> Backends:
+    return Backends(device="cpu", seed=3, cache=None, render_framed=nothing_drawn)
+
+
+def test_names_give_stages(backends: Backends) -> None:
+    assert isinstance(backends.renderer("raster"), Rasteriser)
+    assert backends.detector("embedded", ["car"]).name == "embedded"
+    assert backends.masks("grabcut").name == "grabcut"
+    assert backends.rotation("render-and-compare", "raster").name == "render-and-compare"
+    for name in ("aligned", "fused", "sm1", "sm2", "sm3", "sift-sm1"):
+        assert backends.similarity(name).name
+    assert backends.similarity("sm1").name != backends.similarity("sift-sm1").name
+
+
+@pytest.mark.parametrize(
+    ("stage", "make"),
+    [
+        ("renderer", lambda b, which: b.renderer(which)),
+        ("detector", lambda b, which: b.detector(which, ["car"])),
+        ("masks", lambda b, which: b.masks(which)),
+        ("rotation", lambda b, which: b.rotation(which, "raster")),
+        ("similarity", lambda b, which: b.similarity(which)),
+    ],
+)
+def test_stages_of_ones_own_and_unknown_names(
+    backends: Backends, stage: str, make: Callable[[Backends, object], object]
+) -> None:
+    own = object()
+    assert make(backends, own) is own
+    with pytest.raises(CadposeError, match=rf"^unknown {stage} 'x', choose one of: \w") as told:
+        make(backends, "x")
+    assert "\n" not in str(told.value)
+
+
+def folder_of(estimator: object) -> Path:
+    assert isinstance(estimator, RenderAndCompare)
+    return estimator.galleries.folder
+
+
+def test_galleries_lie_in_the_cache_folder(
+    backends: Backends, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert folder_of(backends.rotation("render-and-compare", "raster")) == cache_folder() / "galleries"
+    monkeypatch.setenv("CADPOSE_CACHE", str(tmp_path / "told"))
+    assert folder_of(backends.rotation("render-and-compare", "raster")) == tmp_path / "told" / "galleries"
+    own = Backends("cpu", 0, tmp_path / "own", nothing_drawn)
+    assert folder_of(own.rotation("render-and-compare", "raster")) == tmp_path / "own"
+    assert not list(tmp_path.iterdir()), "nothing is made before it is needed"
+
+
+def test_the_seed_reaches_what_draws_random_numbers(backends: Backends) -> None:
+    from cadpose.detection.masks import GrabCutMasks
+    from cadpose.similarity.local_affine import LocalAffine
+
+    masks, measure = backends.masks("grabcut"), backends.similarity("sm1")
+    assert isinstance(masks, GrabCutMasks) and masks.seed == 3
+    assert isinstance(measure, LocalAffine) and measure.seed == 3
+
+
+def test_a_device_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    import onnxruntime
+
+    monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: ["CPUExecutionProvider"])
+    assert encoder_on("cpu") is lite0("cpu")
+    for make in (encoder_on, embedded_detector):
+        with pytest.raises(DependencyError, match="onnxruntime-gpu"):
+            make("cuda")
+    with pytest.raises(CadposeError, match="unknown device 'gpu'"):
+        encoder_on("gpu")
+    monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: ["CUDAExecutionProvider"])
+    assert encoder_on("cuda").device == "cuda"
+
+
+def test_blender_is_imported_only_when_asked_for(
+    backends: Backends, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, "cadpose.rendering.blender", raising=False)
+    backends.renderer("raster")
+    assert "cadpose.rendering.blender" not in sys.modules
+    monkeypatch.setenv("CADPOSE_BLENDER", str(tmp_path / "none"))
+    # Made at once, started at the first view: then one sentence says how to get it.
+    with pytest.raises(DependencyError, match="cadpose blender setup"):
+        renderer = backends.renderer("blender")
+        renderer.render(*np.empty((2, 0)))  # type: ignore[arg-type]
