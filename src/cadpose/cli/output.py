@@ -17,7 +17,6 @@ from rich.text import Text
 
 from cadpose.errors import CadposeError
 
-stdout = Console()
 stderr = Console(stderr=True)
 
 #: A table that goes into a file or a pipe is as wide as its cells.
@@ -56,16 +55,18 @@ def print_json(value: Any) -> None:
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table on stdout; the first column is left-aligned and kept whole, the others right-aligned."""
-    width = stdout.width if stdout.is_terminal else _UNBOUNDED
+    stdout = Console()
+    if not stdout.is_terminal:
+        stdout = Console(width=_UNBOUNDED)
     table = Table(title=Text(title), title_justify="left", title_style="bold")
     for i, column in enumerate(columns):
         names = max((len(row[i]) for row in rows), default=0)
-        keep = i == 0 and names <= width // 2
+        keep = i == 0 and names <= stdout.width // 2
         table.add_column(column, justify="left" if i == 0 else "right", overflow="fold", no_wrap=keep)
     for row in rows:
         # As Text, because a name may hold what rich takes for markup.
         table.add_row(*(Text(_plain(cell)) for cell in row))
-    stdout.print(table, width=width)
+    stdout.print(table)
 
 
 def _plain(text: str) -> str:
