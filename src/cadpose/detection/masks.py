@@ -13,7 +13,6 @@ from typing import Protocol
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from cadpose.geometry.boxes import Box, box_iou
 from cadpose.records import Mask, Photo
@@ -123,12 +122,12 @@ class GrabCutMasks:
 
 def _tidied(mask: Mask) -> Mask:
     """Without specks (parts below a tenth of the largest) and without pinholes."""
-    parts, count = ndimage.label(mask)
+    parts, count = _parts(mask)
     if count > 1:
         sizes = np.bincount(parts.ravel())
         sizes[0] = 0
         mask = (sizes >= 0.1 * sizes.max())[parts]
-    holes, count = ndimage.label(~mask)
+    holes, count = _parts(~mask)
     if count > 1:
         sizes = np.bincount(holes.ravel())
         sizes[holes[mask]] = 0
@@ -145,3 +144,9 @@ def _ellipse(box: Box, size: tuple[int, int]) -> NDArray[np.float32]:
     (cx, cy) = box.centre
     inside = ((x - cx) / (box.width / 2)) ** 2 + ((y - cy) / (box.height / 2)) ** 2 <= 1.0
     return np.asarray(inside, np.float32)
+
+
+def _parts(mask: Mask) -> tuple[NDArray[np.int32], int]:
+    """(H, W) number of each pixel's part, 0 outside the mask, and how many there are; edges connect."""
+    count, parts = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    return np.asarray(parts, np.int32), count - 1

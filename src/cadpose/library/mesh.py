@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 FloatArray = NDArray[np.float64]
+
+# The 26 directions to the faces, edges and corners of a cube.
+_DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +97,34 @@ class Mesh:
 
     @cached_property
     def hull(self) -> FloatArray:
-        """(P, 3) vertices of the convex hull; the extremes of any projection lie among them."""
-        used = self.vertices[np.unique(self.faces)].astype(np.float64)
-        try:
-            return np.asarray(used[ConvexHull(used).vertices])
-        except (QhullError, ValueError):
-            # A flat or line-like mesh has no volume: every vertex may be extreme.
-            return used
+        """(P, 3) vertices among which the extremes of every projection lie.
+
+        All vertices of the convex hull are there; most of those inside it are not.
+        """
+        used = np.unique(self.vertices[np.unique(self.faces)].astype(np.float64), axis=0)
+        return used[~_strictly_inside(used)]
+
+
+def _strictly_inside(points: FloatArray) -> NDArray[np.bool_]:
+    """(P,) whether a point lies within the hull of a few extreme ones, and so cannot be extreme itself."""
+    along = np.linalg.norm(_DIRECTIONS, axis=1)
+    few = points[np.unique((points @ (_DIRECTIONS / along[:, None]).T).argmax(axis=0))]
+    inside = np.zeros(len(points), np.bool_)
+    if len(few) < 4:
+        return inside
+    # Every plane through three of the few that has all of them on one side bounds their hull.
+    i, j, k = np.array(list(combinations(range(len(few)), 3))).T
+    normal = np.cross(few[j] - few[i], few[k] - few[i])
+    length = np.linalg.norm(normal, axis=1)
+    proper = length > 1e-9
+    normal, offset = normal[proper] / length[proper, None], few[i][proper]
+    height = few @ normal.T - np.einsum("fi,fi->f", offset, normal)
+    slack = 1e-6
+    below, above = (height <= slack).all(axis=0), (height >= -slack).all(axis=0)
+    bounds = (below | above) & ~(below & above)
+    if not bounds.any():
+        return inside
+    outward = normal[bounds] * np.where(below[bounds], 1.0, -1.0)[:, None]
+    return np.asarray(
+        (points @ outward.T < np.einsum("fi,fi->f", offset[bounds], outward) - slack).all(axis=1)
+    )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+
+from cadpose.jit import kernel
 
 CREASE_DEGREES = 40.0
 _GRID = (1 << 20) - 1
@@ -83,8 +83,8 @@ def crease_normals(
         starts += [e, e_next]
         ends += [np.where(aligned, g, g_next), np.where(aligned, g_next, g)]
     rows, columns = np.concatenate(starts), np.concatenate(ends)
-    graph = coo_matrix((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(3 * count, 3 * count))
-    groups, label = connected_components(graph, directed=False)
+    roots, label = np.unique(_connected(3 * count, rows, columns), return_inverse=True)
+    groups = len(roots)
 
     points = vertices[faces]
     to_next = points[:, [1, 2, 0]] - points
@@ -100,3 +100,22 @@ def crease_normals(
     bad = length[label] < 1e-9
     corner[bad] = np.repeat(normal, 3, axis=0)[bad]
     return np.asarray(corner.reshape(count, 3, 3), dtype=np.float32)
+
+
+@kernel
+def _connected(count: int, a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(count,) the root of every node's component, given the (E,) ends of the edges: union and find."""
+    parent = np.arange(count)
+    for i in range(len(a)):
+        x, y = a[i], b[i]
+        while parent[x] != x:
+            parent[x] = parent[parent[x]]
+            x = parent[x]
+        while parent[y] != y:
+            parent[y] = parent[parent[y]]
+            y = parent[y]
+        if x != y:
+            parent[max(x, y)] = min(x, y)
+    for i in range(count):
+        parent[i] = parent[parent[i]]
+    return parent

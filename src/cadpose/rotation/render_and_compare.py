@@ -13,7 +13,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from cadpose.encoder import Lite0
 from cadpose.errors import LibraryError
@@ -81,7 +80,8 @@ class RenderAndCompare:
     def scores(self, crop: NDArray[np.uint8], cads: Sequence[CadModel]) -> FloatArray:
         """(N,) vote of the models for every rotation of the grid."""
         cosines = self._templates(cads).cosines(describe(self.encoder, crop[None]))
-        vote = _VOTE_TEMPERATURE * (logsumexp(cosines / _VOTE_TEMPERATURE, axis=0) - np.log(len(cads)))
+        best = cosines.max(axis=0)
+        vote = best + _VOTE_TEMPERATURE * np.log(np.exp((cosines - best) / _VOTE_TEMPERATURE).mean(axis=0))
         return np.asarray(vote - _INPLANE_COST_30 * np.abs(grid_angles()[:, 2]) / 30.0)
 
     def _templates(self, cads: Sequence[CadModel]) -> Templates:
