@@ -1,4 +1,4 @@
-"""Write the demo's photographs: real ones that scikit-image carries, public domain or CC0."""
+"""Write the demo's photographs, two real ones that the scikit-image package carries."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from PIL import Image
 def main() -> None:
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
-    # Middlebury 2014 stereo set (CC0) and Rachel Michetti's coffee cup (CC0), see skimage/data/README.
+    # The motorcycle is from the Middlebury 2014 stereo set (Scharstein et al., GCPR 2014), the coffee cup by
+    # Rachel Michetti (CC0); docs/pictures/README.md has what is known of their licences.
     Image.fromarray(skimage.data.stereo_motorcycle()[0]).save(folder / "motorcycle.png")
     Image.fromarray(skimage.data.coffee()).save(folder / "coffee.png")
 
