@@ -10,7 +10,9 @@ import pytest
 from cadpose.backends import Backends, embedded_detector, encoder_on
 from cadpose.encoder import lite0
 from cadpose.errors import CadposeError, DependencyError
+from cadpose.geometry.camera import Cameras
 from cadpose.geometry.frames import FloatArray
+from cadpose.library.catalogue import Library
 from cadpose.records import CadModel, Views
 from cadpose.rendering.raster import Rasteriser
 from cadpose.rotation.render_and_compare import RenderAndCompare
@@ -96,7 +98,7 @@ def test_a_device_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_blender_is_imported_only_when_asked_for(
-    backends: Backends, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small_library: Library, backends: Backends, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delitem(sys.modules, "cadpose.rendering.blender", raising=False)
     backends.renderer("raster")
@@ -105,4 +107,5 @@ def test_blender_is_imported_only_when_asked_for(
     # Made at once, started at the first view: then one sentence says how to get it.
     with pytest.raises(DependencyError, match="cadpose blender setup"):
         renderer = backends.renderer("blender")
-        renderer.render(*np.empty((2, 0)))  # type: ignore[arg-type]
+        mesh = small_library.mesh(small_library.models()[0])
+        renderer.render(mesh, Cameras.framing(np.eye(3)[None], mesh.hull, size=32))

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from cadpose.annotations.document import AnnotationDocument
-from cadpose.annotations.files import OutputPaths
+from cadpose.annotations.files import OutputPaths, write_atomic
 from cadpose.annotations.store import Store
 from cadpose.batch import outputs, run
 from cadpose.batch.run import PhotoOutcome, annotate_photos
@@ -77,7 +77,7 @@ def test_the_document_comes_last(
     """Also in a second run: a document of the first must not vouch for the second's pictures."""
     annotate_all(annotator, photos[:1], tmp_path / "out")
     written: list[str] = []
-    real = outputs.write_atomic
+    real = write_atomic
 
     def spy(path: Path, data: bytes) -> None:
         written.append(path.name)

@@ -19,7 +19,7 @@ from cadpose.records import Rotation
 from tests.library.builders import write_sh3f
 from tests.small_library import Shot, save, shoot
 
-VERBS = (
+VERBS: tuple[list[str], ...] = (
     [],
     ["annotate"],
     ["detect"],

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from PIL import Image, ImageDraw
 
 from cadpose.annotations.overlay import overlay_size
-from cadpose.annotations.style import colour_of, font, resized
+from cadpose.annotations.style import colour_of, font, resized, short
 from cadpose.records import Detection, Photo
 
 
@@ -22,10 +22,11 @@ def draw_detections(photo: Photo, detections: Sequence[Detection]) -> Image.Imag
         x0, y0, x1, y1 = (value * scale for value in detection.box.to_tuple())
         colour = colour_of(number)
         draw.rectangle((x0, y0, x1 - 1, y1 - 1), outline=colour, width=line)
-        label = f" {number + 1} {detection.category} {detection.score:.2f} "
+        label = f" {number + 1} {short(detection.category, 36)} {detection.score:.2f} "
         left, top, right, bottom = draw.textbbox((0, 0), label, font=text)
         tall = bottom - top + 6
-        y = y0 - tall if y0 >= tall else y0
-        draw.rectangle((x0, y, x0 + right - left, y + tall), fill=colour)
-        draw.text((x0, y + 3 - top), label, fill=(255, 255, 255), font=text)
+        x = max(0.0, min(x0, width - (right - left)))
+        y = y0 - tall if y0 >= tall else max(0.0, y0)
+        draw.rectangle((x, y, x + right - left, y + tall), fill=colour)
+        draw.text((x, y + 3 - top), label, fill=(255, 255, 255), font=text)
     return image
