@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +82,7 @@ class Library:
     path: Path
     cache_size: int = 16
     _meshes: OrderedDict[str, Mesh] = field(default_factory=OrderedDict, init=False, repr=False)
+    _lock: Lock = field(default_factory=Lock, init=False, repr=False)
 
     @classmethod
     def open(cls, path: Path | None = None) -> Library:
@@ -151,13 +153,15 @@ class Library:
             LibraryError: no such model, or its file is damaged.
         """
         model = self.get(cad if isinstance(cad, str) else cad.id)
-        if model.sha256 in self._meshes:
-            self._meshes.move_to_end(model.sha256)
-        else:
-            self._meshes[model.sha256] = mesh_from_file(mesh_path(self._mesh_folder, model.sha256))
-            while len(self._meshes) > self.cache_size:
-                self._meshes.popitem(last=False)
-        return self._meshes[model.sha256]
+        # Template galleries are drawn by several threads.
+        with self._lock:
+            if model.sha256 in self._meshes:
+                self._meshes.move_to_end(model.sha256)
+            else:
+                self._meshes[model.sha256] = mesh_from_file(mesh_path(self._mesh_folder, model.sha256))
+                while len(self._meshes) > self.cache_size:
+                    self._meshes.popitem(last=False)
+            return self._meshes[model.sha256]
 
     def surface_samples(self, cad: CadModel | str, count: int = 60_000, seed: int = 0) -> NDArray[np.float32]:
         """Points on a model's surface, uniform by area (the paper's CloudCompare step).
