@@ -25,3 +25,11 @@ def kernel(function: F) -> F:
     except RuntimeError:
         compiled = numba.njit(**options)(function)
     return compiled
+
+
+def inlined(function: F) -> F:
+    """For a helper of kernels in its own file that returns many numbers: its code is copied into its
+    callers, which saves passing the numbers through memory."""
+    paste: Any = numba.njit(inline="always")
+    pasted: F = paste(function)
+    return pasted

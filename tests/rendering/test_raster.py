@@ -12,7 +12,7 @@ from cadpose.geometry.angles import rotation_from_angles
 from cadpose.geometry.camera import Cameras, projected_rectangle
 from cadpose.library.mesh import Material
 from cadpose.records import Views
-from cadpose.rendering import shading, visibility
+from cadpose.rendering import shading, unsnapped, visibility
 from cadpose.rendering.raster import Rasteriser
 from tests.rendering.shapes import (
     BLUE,
@@ -386,7 +386,8 @@ def test_an_image_beyond_the_fixed_point_range_is_refused() -> None:
 def test_constants_that_kernels_mirror_agree() -> None:
     from cadpose.rendering import scene
 
-    assert shading._ID_MAX == visibility.ID_MAX
+    assert shading._ID_MAX == unsnapped._ID_MAX == visibility.ID_MAX
+    assert (unsnapped._NEAR, unsnapped._W_TO_WORD) == (visibility.NEAR, visibility._W_TO_WORD)
     assert (shading._TEXTURED, shading._SMOOTH, shading._MEAN_TEXEL) == (
         scene.TEXTURED,
         scene.SMOOTH,

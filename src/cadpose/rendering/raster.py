@@ -12,7 +12,8 @@ from cadpose.library.mesh import Mesh
 from cadpose.records import Views
 from cadpose.rendering.scene import Scene, build_scene
 from cadpose.rendering.shading import find_visible, prepare, shade
-from cadpose.rendering.visibility import depth_scales, draw, draw_general, project
+from cadpose.rendering.unsnapped import draw_general
+from cadpose.rendering.visibility import LANES, depth_scales, draw, draw_cutout, project
 
 
 class Rasteriser:
@@ -94,8 +95,8 @@ class Rasteriser:
         if x0 >= x1 or y0 >= y1:
             return
         has_glass = len(scene.faces) > scene.opaque + scene.cutout
-        words = self._buffer("words", np.int64, rows, columns)
-        glass = self._buffer("glass", np.int64, rows, columns) if has_glass else words
+        words = self._buffer("words", np.int64, rows, columns + LANES)
+        glass = self._buffer("glass", np.int64, rows, columns + LANES) if has_glass else words
         cut_end = scene.opaque + scene.cutout
         mapped = (scene.uv, scene.material, scene.material_levels, scene.levels, scene.texels)
         ranges = (
@@ -108,16 +109,17 @@ class Rasteriser:
         for begin, end, cutout, target in ranges:
             if begin == end:
                 continue
-            draw(
-                scene.faces, begin, end, screen, columns, rows, unsnapped, tie, cutout,
-                scene.uv_area, *mapped, target.ravel(),
-            )  # fmt: skip
+            common = (scene.faces, begin, end, screen, columns, rows, tie)
+            if cutout:
+                draw_cutout(*common, scene.uv_area, *mapped, target)
+            else:
+                draw(*common, target)
             if unsnapped:
                 # Not a matrix product: BLAS may round equal vertices differently, which opens cracks.
                 cam = sum(scene.coordinates[k][:, None] * R[:, k] for k in range(3)) + t
                 draw_general(
                     scene.faces, begin, end, screen, cam, focal, cx, cy, ss, scale, tie,
-                    cutout, *mapped, columns, rows, target.ravel(),
+                    cutout, *mapped, columns, rows, target,
                 )  # fmt: skip
         slot_of, visible = self._slots(len(scene.faces))
         count = find_visible(x0 * ss, y0 * ss, x1 * ss, y1 * ss, words, glass, has_glass, slot_of, visible)

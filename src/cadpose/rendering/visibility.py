@@ -14,14 +14,19 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from cadpose.jit import kernel
+from cadpose.jit import inlined, kernel
 
 #: Nearest distance that is drawn, in units of the mesh.
 NEAR = 0.01
 #: Low bits of a sample's word, for the face.
 ID_BITS = 24
+#: Samples drawn at once.
+LANES = 4
 ID_MAX = (1 << ID_BITS) - 1
 
 _SUB = 12  # bits of a sample that a vertex snaps to
@@ -31,16 +36,78 @@ _W_SCALE = float(1 << 30)  # fixed-point 1/z of the nearest vertex
 _COPLANAR = 4e-5
 _W_TO_WORD = float(1 << ID_BITS)
 _BLOCK = 512  # vertices projected at once
-_SPAN = 16  # bounding boxes wider than this are cut to the row's exact span
+_BATCH = 128  # faces set up at once
+_SPAN = 32  # bounding boxes wider than this are cut to the row's span
+
+# Fields of a batch of faces: corner by corner x, y and w, then the box.
+_A, _Y, _W = 0, _BATCH, 2 * _BATCH
+_B, _C = 3 * _BATCH, 6 * _BATCH
+_BAD, _C0, _R0, _ACROSS, _DOWN, _FIELDS = range(9 * _BATCH, 15 * _BATCH, _BATCH)
 
 # Typed as Any, as scalars of numpy are neither int nor float to a type checker.
 _int64: Any = np.int64
 _int32: Any = np.int32
 _float64: Any = np.float64
 
+Four = tuple[int, int, int, int]
+#: Three edge functions and depth at the first sample of a face's box, their steps to the right and down.
+Planes = tuple[Four, Four, Four]
 Words = NDArray[np.int64]
 Ints = NDArray[np.int32]
 Doubles = NDArray[np.float64]
+
+
+def _lanes(context: Any, words: Any, at: Any, starts: Any, steps: Any, low: Any, tie: Any) -> tuple[Any, Any]:
+    """Samples ``at`` to ``at + LANES - 1`` of a row as one vector: numba leaves so short a loop scalar.
+
+    Args:
+        context: Of the compiler.
+        words: (N,) int64, written where the face is nearer than what is there.
+        at: The first sample.
+        starts: There, the three edge functions and the depth.
+        steps: The same, from a sample to the next.
+        low: The face's number.
+        tie: By how much the words of coplanar faces may differ.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        vector = ir.VectorType(ir.IntType(64), LANES)
+
+        nothing = ir.Constant(vector, ir.Undefined)
+        index = ir.IntType(32)
+
+        def constant(lanes: Any) -> Any:
+            return ir.Constant(vector, list(lanes))
+
+        def spread(value: Any) -> Any:
+            first = builder.insert_element(nothing, value, ir.Constant(index, 0))
+            return builder.shuffle_vector(
+                first, nothing, ir.Constant(ir.VectorType(index, LANES), [0] * LANES)
+            )
+
+        def along(start: Any, step: Any) -> Any:
+            return builder.add(spread(start), builder.mul(spread(step), constant(range(LANES))))
+
+        array = context.make_array(signature.args[0])(context, builder, values[0])
+        low, tie = values[4:]
+        ab, bc, ca, depth = (
+            along(builder.extract_value(values[2], i), builder.extract_value(values[3], i)) for i in range(4)
+        )
+        pointer = builder.bitcast(builder.gep(array.data, [values[1]]), vector.as_pointer())
+        inside = builder.or_(builder.or_(ab, bc), ca)
+        inside = builder.icmp_signed(">=", inside, constant([0] * LANES))
+        word = builder.or_(builder.and_(depth, constant([~ID_MAX] * LANES)), spread(low))
+        before = builder.load(pointer, align=8)
+        nearer = builder.icmp_signed(">", builder.add(word, spread(tie)), before)
+        drawn = builder.select(builder.and_(inside, nearer), word, before)
+        builder.store(drawn, pointer, align=8)
+        return context.get_dummy_value()
+
+    four = types.UniTuple(types.int64, 4)  # type: ignore[no-untyped-call]
+    return types.none(words, types.int64, four, four, types.int64, types.int64), generate
+
+
+_draw_lanes: Any = intrinsic(_lanes)
 
 
 @kernel
@@ -119,16 +186,167 @@ def depth_scales(z_min: float, z_max: float) -> tuple[float, int]:
 
 
 @kernel
+def _box(
+    faces: Ints, first: int, count: int, screen: Ints, columns: int, rows: int, corners: Ints, kept: Ints
+) -> int:
+    """Corners and boxes of ``count`` faces from ``first``; many small ones have no sample in their box.
+
+    Args:
+        faces: (F, 3).
+        first: A face.
+        count: At most _BATCH.
+        screen: (V, 4) of project.
+        columns: Of the picture.
+        rows: Of the picture.
+        corners: (14 * _BATCH,), written field by field: x, y, w of the corners, whether one could not be
+            snapped, then the box. Loops over separate fields compile to vector code.
+        kept: (_BATCH + 1,), written: which of the faces may have samples.
+
+    Returns:
+        How many of ``kept`` are set.
+    """
+    for j in range(count):
+        a, b, c = faces[first + j, 0], faces[first + j, 1], faces[first + j, 2]
+        corners[_A + j], corners[_A + _Y + j], corners[_A + _W + j] = screen[a, 0], screen[a, 1], screen[a, 2]
+        corners[_B + j], corners[_B + _Y + j], corners[_B + _W + j] = screen[b, 0], screen[b, 1], screen[b, 2]
+        corners[_C + j], corners[_C + _Y + j], corners[_C + _W + j] = screen[c, 0], screen[c, 1], screen[c, 2]
+        corners[_BAD + j] = screen[a, 3] | screen[b, 3] | screen[c, 3]
+    for j in range(count):
+        xa, xb, xc = corners[_A + j], corners[_B + j], corners[_C + j]
+        ya, yb, yc = corners[_A + _Y + j], corners[_B + _Y + j], corners[_C + _Y + j]
+        c0 = max((min(xa, min(xb, xc)) + (_ONE - 1)) >> _SUB, 0)
+        r0 = max((min(ya, min(yb, yc)) + (_ONE - 1)) >> _SUB, 0)
+        across = min(max(xa, max(xb, xc)) >> _SUB, columns - 1) - c0 + 1
+        down = min(max(ya, max(yb, yc)) >> _SUB, rows - 1) - r0 + 1
+        corners[_C0 + j], corners[_R0 + j] = c0, r0
+        corners[_ACROSS + j], corners[_DOWN + j] = across, down
+        kept[j] = (across > 0) & (down > 0) & (corners[_BAD + j] == 0)
+    some = 0
+    for j in range(count):
+        keep = kept[j]
+        kept[some] = j
+        some += keep
+    return some
+
+
+@inlined
+def _edges(corners: Ints, j: int) -> tuple[Planes, int, int]:
+    """Face ``j`` of a batch: its planes, twice its area (0: not drawn), -1 if it is seen from behind."""
+    xa, ya, wa = _int64(corners[_A + j]), _int64(corners[_A + _Y + j]), _int64(corners[_A + _W + j])
+    xb, yb, wb = _int64(corners[_B + j]), _int64(corners[_B + _Y + j]), _int64(corners[_B + _W + j])
+    xc, yc, wc = _int64(corners[_C + j]), _int64(corners[_C + _Y + j]), _int64(corners[_C + _W + j])
+    area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)
+    # Seen from behind: swap b and c, without a branch.
+    behind = area >> 63
+    area = (area ^ behind) - behind
+    swap = (xb ^ xc) & behind
+    xb ^= swap
+    xc ^= swap
+    swap = (yb ^ yc) & behind
+    yb ^= swap
+    yc ^= swap
+    swap = (wb ^ wc) & behind
+    wb ^= swap
+    wc ^= swap
+    px, py = (_int64(corners[_C0 + j]) << _SUB) - xa, (_int64(corners[_R0 + j]) << _SUB) - ya
+    abx, aby, bcx, bcy, cax, cay = xb - xa, yb - ya, xc - xb, yc - yb, xa - xc, ya - yc
+    e_ab, e_ca = abx * py - aby * px, cax * py - cay * px
+    # Not below 0 inside; a tie belongs to top and left edges only.
+    ab = e_ab - 1 + ((aby < 0) | ((aby == 0) & (abx > 0)))
+    bc = area - e_ab - e_ca - 1 + ((bcy < 0) | ((bcy == 0) & (bcx > 0)))
+    ca = e_ca - 1 + ((cay < 0) | ((cay == 0) & (cax > 0)))
+    per_area = 1.0 / area
+    wub, wuc = _float64(wb - wa) * per_area, _float64(wc - wa) * per_area
+    start = (ab, bc, ca, _int64((wa + e_ca * wub + e_ab * wuc) * _W_TO_WORD))
+    w_x, w_y = (-cay * wub - aby * wuc) * _ONE, (cax * wub + abx * wuc) * _ONE
+    right = (-(aby << _SUB), -(bcy << _SUB), -(cay << _SUB), _int64(w_x * _W_TO_WORD))
+    below = (abx << _SUB, bcx << _SUB, cax << _SUB, _int64(w_y * _W_TO_WORD))
+    return (start, right, below), area, behind
+
+
+@kernel
 def draw(
+    faces: Ints, begin: int, end: int, screen: Ints, columns: int, rows: int, tie: int, words: Words
+) -> None:
+    """Faces ``begin`` to ``end`` into ``words``; those that cannot be snapped are left to draw_general.
+
+    Args:
+        faces: (F, 3).
+        begin: First face.
+        end: Face after the last.
+        screen: (V, 4) of project.
+        columns: Of the picture.
+        rows: Of the picture.
+        tie: By how much the words of coplanar faces may differ.
+        words: (rows, columns + LANES); the last LANES of a row are scratch.
+    """
+    stride, flat = words.shape[1], words.ravel()
+    corners, kept = np.empty(_FIELDS, np.int32), np.empty(_BATCH + 1, np.int32)
+    for first in range(begin, end, _BATCH):
+        count = _box(faces, first, min(_BATCH, end - first), screen, columns, rows, corners, kept)
+        for k in range(count):
+            j = _int64(kept[k])
+            planes, area, _ = _edges(corners, j)
+            if area == 0:
+                continue
+            low = first + j + 1
+            ab, bc, ca, d = planes[0]
+            ab_x, bc_x, ca_x, d_x = planes[1]
+            ab_y, bc_y, ca_y, d_y = planes[2]
+            across, down = _int64(corners[_ACROSS + j]), _int64(corners[_DOWN + j])
+            at = _int64(corners[_R0 + j]) * stride + corners[_C0 + j]
+            if across <= _SPAN:
+                # One loop over the box without a branch in it: its end is the only one to mispredict.
+                chunks = (across + (LANES - 1)) // LANES
+                back = (chunks - 1) * LANES
+                left = chunks
+                for _ in range(chunks * down):
+                    _draw_lanes(flat, at, (ab, bc, ca, d), planes[1], low, tie)
+                    left -= 1
+                    turn = left == 0
+                    ab += ab_y - back * ab_x if turn else LANES * ab_x
+                    bc += bc_y - back * bc_x if turn else LANES * bc_x
+                    ca += ca_y - back * ca_x if turn else LANES * ca_x
+                    d += d_y - back * d_x if turn else LANES * d_x
+                    at += stride - back if turn else LANES
+                    left = chunks if turn else left
+                continue
+            per_ab, per_bc, per_ca = -1.0 / ab_x, -1.0 / bc_x, -1.0 / ca_x
+            for _ in range(down):
+                # About where the row enters and leaves the face; samples are tested exactly.
+                lo, hi = 0.0, across - 1.0
+                if ab_x > 0:
+                    lo = max(lo, ab * per_ab)
+                elif ab_x < 0:
+                    hi = min(hi, ab * per_ab)
+                if bc_x > 0:
+                    lo = max(lo, bc * per_bc)
+                elif bc_x < 0:
+                    hi = min(hi, bc * per_bc)
+                if ca_x > 0:
+                    lo = max(lo, ca * per_ca)
+                elif ca_x < 0:
+                    hi = min(hi, ca * per_ca)
+                i, stop = _int64(lo), _int64(max(hi, 0.0) + 1.01)
+                e_ab, e_bc, e_ca, e_d = ab + i * ab_x, bc + i * bc_x, ca + i * ca_x, d + i * d_x
+                for j in range(i, stop, LANES):
+                    _draw_lanes(flat, at + j, (e_ab, e_bc, e_ca, e_d), planes[1], low, tie)
+                    e_ab += LANES * ab_x
+                    e_bc += LANES * bc_x
+                    e_ca += LANES * ca_x
+                    e_d += LANES * d_x
+                ab, bc, ca, d, at = ab + ab_y, bc + bc_y, ca + ca_y, d + d_y, at + stride
+
+
+@kernel
+def draw_cutout(
     faces: Ints,
     begin: int,
     end: int,
     screen: Ints,
     columns: int,
     rows: int,
-    unsnapped: bool,
     tie: int,
-    cutout: bool,
     uv_area: NDArray[np.float32],
     corner_uv: NDArray[np.float32],
     face_material: Ints,
@@ -137,236 +355,43 @@ def draw(
     texels: NDArray[np.uint32],
     words: Words,
 ) -> None:
-    """Faces ``begin`` to ``end`` into ``words`` (rows * columns,); unsnapped faces are left to draw_general.
-
-    ``tie`` is by how much the words of coplanar faces may differ.
-
-    With ``cutout`` a sample is drawn only where the texel of the face's mip level is at least half opaque.
-    """
-    level, tw, th, start = 0, 1, 1, 0
-    ua, va, ub, vb, uc, vc = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for f in range(begin, end):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        xa, xb, xc = _int64(screen[a, 0]), _int64(screen[b, 0]), _int64(screen[c, 0])
-        ya, yb, yc = _int64(screen[a, 1]), _int64(screen[b, 1]), _int64(screen[c, 1])
-        c0 = max((min(xa, min(xb, xc)) + (_ONE - 1)) >> _SUB, 0)
-        c1 = min(max(xa, max(xb, xc)) >> _SUB, columns - 1)
-        r0 = max((min(ya, min(yb, yc)) + (_ONE - 1)) >> _SUB, 0)
-        r1 = min(max(ya, max(yb, yc)) >> _SUB, rows - 1)
-        # Often a small face has no sample in its box. One test, as each alone would be mispredicted.
-        if ((c1 - c0) | (r1 - r0)) < 0:
-            continue
-        if unsnapped and (screen[a, 3] | screen[b, 3] | screen[c, 3]):
-            continue
-        wa, wb, wc = _int64(screen[a, 2]), _int64(screen[b, 2]), _int64(screen[c, 2])
-        area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)
-        if area == 0:
-            continue
-        # Seen from behind: swap b and c, without a branch.
-        behind = area >> 63
-        area = (area ^ behind) - behind
-        swap = (xb ^ xc) & behind
-        xb ^= swap
-        xc ^= swap
-        swap = (yb ^ yc) & behind
-        yb ^= swap
-        yc ^= swap
-        swap = (wb ^ wc) & behind
-        wb ^= swap
-        wc ^= swap
-        # Edge functions at the box's first sample; >= 0 inside, a tie belongs to top and left edges only.
-        px = (c0 << _SUB) - xa
-        py = (r0 << _SUB) - ya
-        abx, aby, cax, cay = xb - xa, yb - ya, xa - xc, ya - yc
-        bcx, bcy = xc - xb, yc - yb
-        e_ab = abx * py - aby * px
-        e_ca = cax * py - cay * px
-        t_ab = e_ab - 1 + ((aby < 0) | ((aby == 0) & (abx > 0)))
-        t_bc = area - e_ab - e_ca - 1 + ((bcy < 0) | ((bcy == 0) & (bcx > 0)))
-        t_ca = e_ca - 1 + ((cay < 0) | ((cay == 0) & (cax > 0)))
-        low = _int64(f + 1)
-        per_area = 1.0 / area
-        wub = _float64(wb - wa) * per_area
-        wuc = _float64(wc - wa) * per_area
-        w_row = wa + e_ca * wub + e_ab * wuc
-        w_x = (-cay * wub - aby * wuc) * _ONE
-        w_y = (cax * wub + abx * wuc) * _ONE
-        s_ab, s_bc, s_ca = -(aby << _SUB), -(bcy << _SUB), -(cay << _SUB)
-        if cutout:
-            k = 1 - behind  # the corner that is now b: 1, or 2 when swapped
-            ua, va = wa * _float64(corner_uv[f, 0, 0]), wa * _float64(corner_uv[f, 0, 1])
-            ub, vb = wb * _float64(corner_uv[f, k, 0]) - ua, wb * _float64(corner_uv[f, k, 1]) - va
-            k = 2 + behind
-            uc, vc = wc * _float64(corner_uv[f, k, 0]) - ua, wc * _float64(corner_uv[f, k, 1]) - va
+    """As draw, only where the texel of the face's mip level is at least half opaque."""
+    corners, kept = np.empty(_FIELDS, np.int32), np.empty(_BATCH + 1, np.int32)
+    for first in range(begin, end, _BATCH):
+        count = _box(faces, first, min(_BATCH, end - first), screen, columns, rows, corners, kept)
+        for k in range(count):
+            j = _int64(kept[k])
+            (start, right, below), area, behind = _edges(corners, j)
+            if area == 0:
+                continue
+            f = first + j
+            c0, r0 = _int64(corners[_C0 + j]), _int64(corners[_R0 + j])
+            b = 1 - behind  # the corner that is now b: 1, or 2 when swapped
+            c = 3 - b
+            wa, wb, wc = screen[faces[f, 0], 2], screen[faces[f, b], 2], screen[faces[f, c], 2]
             level = material_levels[face_material[f], 0]
             last = level + material_levels[face_material[f], 1] - 1
-            ratio = uv_area[f] * levels[level, 1] * levels[level, 2] * 2.0 * _ONE * _ONE * per_area
+            ratio = uv_area[f] * levels[level, 1] * levels[level, 2] * 2.0 * _ONE * _ONE / area
             while ratio > 2.0 and level < last:
                 ratio *= 0.25
                 level += 1
-            start, tw, th = levels[level, 0], levels[level, 1], levels[level, 2]
-        wide = c1 - c0 >= _SPAN
-        d_row = _int64(w_row * _W_TO_WORD)
-        d_x = _int64(w_x * _W_TO_WORD)
-        d_y = _int64(w_y * _W_TO_WORD)
-        across = c1 - c0 + 1
-        if not wide and not cutout:
-            # One loop over the box without a branch in it: its end is the only one to mispredict.
-            at = r0 * columns + c0
-            back_ab = (abx << _SUB) - (across - 1) * s_ab
-            back_bc = (bcx << _SUB) - (across - 1) * s_bc
-            back_ca = (cax << _SUB) - (across - 1) * s_ca
-            back_d = d_y - (across - 1) * d_x
-            left = across
-            for _ in range(across * (r1 - r0 + 1)):
-                outside = (t_ab | t_bc | t_ca) >> 63
-                word = ((d_row & ~ID_MAX) | low) & ~outside
-                k_word = np.uintp(at)
-                words[k_word] = word if word + tie > words[k_word] else words[k_word]
-                left -= 1
-                turn = left == 0
-                t_ab += back_ab if turn else s_ab
-                t_bc += back_bc if turn else s_bc
-                t_ca += back_ca if turn else s_ca
-                d_row += back_d if turn else d_x
-                at += columns - across + 1 if turn else 1
-                left = across if turn else left
-            continue
-        lo, hi = c0, c1
-        for r in range(r0, r1 + 1):
-            if wide:
-                lo, hi = c0, c1
-                for k in range(3):
-                    e, s = t_ab, s_ab
-                    if k == 1:
-                        e, s = t_bc, s_bc
-                    elif k == 2:
-                        e, s = t_ca, s_ca
-                    if s > 0:
-                        if e < 0:
-                            lo = max(lo, c0 + (s - 1 - e) // s)
-                    elif e < 0:
-                        hi = -1
-                    elif s < 0:
-                        hi = min(hi, c0 + e // -s)
-            if not cutout:
-                i = lo - c0
-                v_ab, v_bc, v_ca, d = t_ab + i * s_ab, t_bc + i * s_bc, t_ca + i * s_ca, d_row + i * d_x
-                at = r * columns + lo
-                # No branch in here: short rows run without mispredictions, long ones as vector code.
-                for j in range(hi - lo + 1):
-                    outside = ((v_ab + j * s_ab) | (v_bc + j * s_bc) | (v_ca + j * s_ca)) >> 63
-                    word = (((d + j * d_x) & ~ID_MAX) | low) & ~outside
-                    k_word = np.uintp(at + j)
-                    words[k_word] = word if word + tie > words[k_word] else words[k_word]
-            else:
-                for col in range(lo, hi + 1):
-                    i = col - c0
-                    if ((t_ab + i * s_ab) | (t_bc + i * s_bc) | (t_ca + i * s_ca)) < 0:
+            texel, tw, th = levels[level, 0], levels[level, 1], levels[level, 2]
+            for y in range(corners[_DOWN + j]):
+                for x in range(corners[_ACROSS + j]):
+                    e_ab = start[0] + x * right[0] + y * below[0]
+                    e_bc = start[1] + x * right[1] + y * below[1]
+                    e_ca = start[2] + x * right[2] + y * below[2]
+                    if (e_ab | e_bc | e_ca) < 0:
                         continue
-                    word = ((d_row + i * d_x) & ~ID_MAX) | low
-                    if word + tie <= words[r * columns + col]:
+                    word = ((start[3] + x * right[3] + y * below[3]) & ~ID_MAX) | (f + 1)
+                    if word + tie <= words[r0 + y, c0 + x]:
                         continue
-                    px, py = (col << _SUB) - xa, (r << _SUB) - ya
-                    q_ca, q_ab = (cax * py - cay * px) * per_area, (abx * py - aby * px) * per_area
-                    per_w = 1.0 / (w_row + i * w_x + (r - r0) * w_y)
-                    u = (ua + q_ca * ub + q_ab * uc) * per_w
-                    v = (va + q_ca * vb + q_ab * vc) * per_w
+                    # Corner weights over z, at their sample but for the tie's 1 in the edge functions.
+                    la, lb, lc = _float64(e_bc) * wa, _float64(e_ca) * wb, _float64(e_ab) * wc
+                    per = 1.0 / max(la + lb + lc, 1e-30)
+                    u = (la * corner_uv[f, 0, 0] + lb * corner_uv[f, b, 0] + lc * corner_uv[f, c, 0]) * per
+                    v = (la * corner_uv[f, 0, 1] + lb * corner_uv[f, b, 1] + lc * corner_uv[f, c, 1]) * per
                     tx = min(int((u - np.floor(u)) * tw), tw - 1)
                     ty = min(int((1.0 - (v - np.floor(v))) * th), th - 1)
-                    if texels[start + ty * tw + tx] >> 31:
-                        words[r * columns + col] = word
-            t_ab += abx << _SUB
-            t_bc += bcx << _SUB
-            t_ca += cax << _SUB
-            d_row += d_y
-
-
-@kernel
-def draw_general(
-    faces: Ints,
-    begin: int,
-    end: int,
-    screen: Ints,
-    cam: Doubles,
-    focal: float,
-    cx: float,
-    cy: float,
-    ss: int,
-    scale: float,
-    tie: int,
-    cutout: bool,
-    corner_uv: NDArray[np.float32],
-    face_material: Ints,
-    material_levels: Ints,
-    levels: Ints,
-    texels: NDArray[np.uint32],
-    columns: int,
-    rows: int,
-    words: Words,
-) -> None:
-    """The slow road, for faces that reach behind the camera or far out of the image.
-
-    Homogeneous edge functions d . (P_j x P_k) of the ray d through the sample (Olano and Greer 1997)
-    need no clipping. A sample is drawn if z >= NEAR. Cut-outs are looked up in the finest texture.
-    """
-    n = np.empty((3, 3))
-    for f in range(begin, end):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if not (screen[a, 3] | screen[b, 3] | screen[c, 3]):
-            continue
-        x_lo, y_lo, x_hi, y_hi = np.inf, np.inf, -np.inf, -np.inf
-        for k in range(3):
-            i, j = faces[f, k], faces[f, (k + 1) % 3]
-            n[k, 0] = cam[i, 1] * cam[j, 2] - cam[i, 2] * cam[j, 1]
-            n[k, 1] = cam[i, 2] * cam[j, 0] - cam[i, 0] * cam[j, 2]
-            n[k, 2] = cam[i, 0] * cam[j, 1] - cam[i, 1] * cam[j, 0]
-            # Corners of the face cut off at z = NEAR, for the bounding box.
-            zi, zj = cam[i, 2], cam[j, 2]
-            if zi >= NEAR:
-                x, y = cam[i, 0] / zi, cam[i, 1] / zi
-                x_lo, x_hi, y_lo, y_hi = min(x_lo, x), max(x_hi, x), min(y_lo, y), max(y_hi, y)
-            if (zi >= NEAR) != (zj >= NEAR):
-                s = (NEAR - zi) / (zj - zi)
-                x = (cam[i, 0] + s * (cam[j, 0] - cam[i, 0])) / NEAR
-                y = (cam[i, 1] + s * (cam[j, 1] - cam[i, 1])) / NEAR
-                x_lo, x_hi, y_lo, y_hi = min(x_lo, x), max(x_hi, x), min(y_lo, y), max(y_hi, y)
-        if x_lo > x_hi:
-            continue
-        c0 = int(np.ceil(min(max((focal * x_lo + cx) * ss - 0.5, 0.0), float(columns))))
-        r0 = int(np.ceil(min(max((focal * y_lo + cy) * ss - 0.5, 0.0), float(rows))))
-        c1 = int(np.floor(max(min((focal * x_hi + cx) * ss - 0.5, columns - 1.0), -1.0)))
-        r1 = int(np.floor(max(min((focal * y_hi + cy) * ss - 0.5, rows - 1.0), -1.0)))
-        if c0 > c1 or r0 > r1:
-            continue
-        det = cam[c, 0] * n[0, 0] + cam[c, 1] * n[0, 1] + cam[c, 2] * n[0, 2]
-        if det == 0.0:
-            continue
-        level = 0
-        if cutout:
-            level = material_levels[face_material[f], 0]
-        low = _int64(f + 1)
-        for r in range(r0, r1 + 1):
-            dy = ((r + 0.5) / ss - cy) / focal
-            for col in range(c0, c1 + 1):
-                dx = ((col + 0.5) / ss - cx) / focal
-                lc = (dx * n[0, 0] + dy * n[0, 1] + n[0, 2]) / det
-                la = (dx * n[1, 0] + dy * n[1, 1] + n[1, 2]) / det
-                lb = (dx * n[2, 0] + dy * n[2, 1] + n[2, 2]) / det
-                if la < 0.0 or lb < 0.0 or lc < 0.0:
-                    continue
-                w = la + lb + lc
-                if w <= 0.0 or w * NEAR > 1.0:
-                    continue
-                word = (_int64(w * scale * _W_TO_WORD) & ~ID_MAX) | low
-                if word + tie <= words[r * columns + col]:
-                    continue
-                if cutout:
-                    u = (la * corner_uv[f, 0, 0] + lb * corner_uv[f, 1, 0] + lc * corner_uv[f, 2, 0]) / w
-                    v = (la * corner_uv[f, 0, 1] + lb * corner_uv[f, 1, 1] + lc * corner_uv[f, 2, 1]) / w
-                    tw, th = levels[level, 1], levels[level, 2]
-                    tx = min(int((u - np.floor(u)) * tw), tw - 1)
-                    ty = min(int((1.0 - (v - np.floor(v))) * th), th - 1)
-                    if texels[levels[level, 0] + ty * tw + tx] >> 31 == 0:
-                        continue
-                words[r * columns + col] = word
+                    if texels[texel + ty * tw + tx] >> 31:
+                        words[r0 + y, c0 + x] = word
