@@ -84,25 +84,28 @@ def find_visible(
         How many faces are seen.
     """
     count = 0
+    stride, opaque = words.shape[1], words.ravel()
     for layer in range(2 if has_glass else 1):
-        target = glass_words if layer == 0 and has_glass else words
+        see_through = layer == 0 and has_glass
+        target = glass_words.ravel() if see_through else opaque
         last_face, last_slot = -1, -1
         for row in range(y0, y1):
             for col in range(x0, x1):
-                word = target[row, col]
-                if word == 0 or (layer == 0 and has_glass and word <= words[row, col]):
-                    target[row, col] = -1
+                at = np.uintp(row * stride + col)
+                word = target[at]
+                if word == 0 or (see_through and word <= opaque[at]):
+                    target[at] = -1
                     continue
                 f = (word & _ID_MAX) - 1
                 if f != last_face:
                     last_face = f
-                    last_slot = slot_of[f]
+                    last_slot = slot_of[np.uintp(f)]
                     if last_slot < 0:
                         last_slot = count
                         slot_of[f] = count
                         visible[count] = f
                         count += 1
-                target[row, col] = last_slot
+                target[at] = last_slot
     for i in range(count):
         slot_of[visible[i]] = -1
     return count

@@ -296,20 +296,11 @@ def draw(
             across, down = _int64(corners[_ACROSS + j]), _int64(corners[_DOWN + j])
             at = _int64(corners[_R0 + j]) * stride + corners[_C0 + j]
             if across <= _SPAN:
-                # One loop over the box without a branch in it: its end is the only one to mispredict.
-                chunks = (across + (LANES - 1)) // LANES
-                back = (chunks - 1) * LANES
-                left = chunks
-                for _ in range(chunks * down):
-                    _draw_lanes(flat, at, (ab, bc, ca, d), planes[1], low, tie)
-                    left -= 1
-                    turn = left == 0
-                    ab += ab_y - back * ab_x if turn else LANES * ab_x
-                    bc += bc_y - back * bc_x if turn else LANES * bc_x
-                    ca += ca_y - back * ca_x if turn else LANES * ca_x
-                    d += d_y - back * d_x if turn else LANES * d_x
-                    at += stride - back if turn else LANES
-                    left = chunks if turn else left
+                for i in range(0, across, LANES):
+                    e_ab, e_bc, e_ca, e_d = ab + i * ab_x, bc + i * bc_x, ca + i * ca_x, d + i * d_x
+                    for j in range(down):
+                        _draw_lanes(flat, at + i + j * stride, (e_ab, e_bc, e_ca, e_d), planes[1], low, tie)
+                        e_ab, e_bc, e_ca, e_d = e_ab + ab_y, e_bc + bc_y, e_ca + ca_y, e_d + d_y
                 continue
             per_ab, per_bc, per_ca = -1.0 / ab_x, -1.0 / bc_x, -1.0 / ca_x
             for _ in range(down):
