@@ -10,12 +10,11 @@ from typing import Any
 
 import pytest
 from PIL import Image
-from typer.testing import CliRunner, Result
 
 from cadpose.annotations.store import Store
-from cadpose.cli.main import app
 from cadpose.library.catalogue import Library
 from cadpose.records import Rotation
+from tests.cli.invoking import cadpose, given, said
 from tests.library.builders import write_sh3f
 from tests.small_library import Shot, save, shoot
 
@@ -38,17 +37,6 @@ VERBS: tuple[list[str], ...] = (
 )
 
 
-def cadpose(*arguments: object, env: dict[str, str] | None = None) -> Result:
-    return CliRunner().invoke(app, [str(a) for a in arguments], env={"TERM": "dumb", **(env or {})})
-
-
-def said(result: Result) -> Any:
-    """The JSON on stdout: exactly one value, one line."""
-    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    assert result.stdout.count("\n") == 1
-    return json.loads(result.stdout)
-
-
 @pytest.fixture(scope="module")
 def hatch(small_library: Library) -> Shot:
     return shoot(small_library, "made/car/hatch.obj", Rotation(35, 12, 4))
@@ -57,12 +45,6 @@ def hatch(small_library: Library) -> Shot:
 @pytest.fixture
 def photo(hatch: Shot, tmp_path: Path) -> Path:
     return save(tmp_path / "photos" / "street.png", hatch.photo.rgb)
-
-
-def given(shot: Shot, category: str = "car") -> list[str]:
-    box = ",".join(f"{v:g}" for v in shot.box.to_tuple())
-    r = shot.rotation
-    return ["--box", box, "--category", category, "--rotation", f"{r.azimuth},{r.elevation},{r.inplane}"]
 
 
 @pytest.mark.parametrize("verb", VERBS, ids=" ".join)
