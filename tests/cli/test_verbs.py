@@ -354,3 +354,9 @@ def test_blender_that_is_not_set_up(small_library: Library, photo: Path, hatch: 
     )
     assert result.exit_code == 1 and "cadpose blender setup" in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_detect_refuses_a_category_that_no_detector_knows(tmp_path: Path) -> None:
+    result = cadpose("detect", str(tmp_path), "--category", "zebra")
+    assert result.exit_code == 2
+    assert "zebra" in result.stderr

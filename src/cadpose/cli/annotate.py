@@ -173,7 +173,7 @@ def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
             rows.append([name, "no object found", "", "", "", ""])
         for part in parts:
             pose = part.pose
-            angles = f"{pose.azimuth:.0f}° {pose.elevation:+.0f}° {pose.inplane:+.0f}°"
+            angles = f"{pose.azimuth:.0f}° {round(pose.elevation):+d}° {round(pose.inplane):+d}°"
             rows.append(
                 [
                     name,

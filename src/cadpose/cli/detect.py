@@ -25,8 +25,14 @@ def detect(
     from cadpose.annotations.style import png_bytes
     from cadpose.backends import embedded_detector
     from cadpose.errors import CadposeError
+    from cadpose.library.class_map import CATEGORIES
     from cadpose.photos import find_photos, read_photo
 
+    unknown = [name for name in category or () if name not in CATEGORIES]
+    if unknown:
+        raise typer.BadParameter(
+            f"the detector knows no {unknown[0]!r}, only {', '.join(sorted(CATEGORIES))}"
+        )
     paths = find_photos(photos)
     detector = embedded_detector(device, category)
     told: list[dict[str, Any]] = []

@@ -38,7 +38,7 @@ def add(
     front: Annotated[str, typer.Option("--front", help="Front axis of a folder's models.")] = "-z",
     up: Annotated[str, typer.Option("--up", help="Up axis of a folder's models.")] = "+y",
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Processes [default: number of cores].")
+        int | None, typer.Option("--workers", min=1, help="Processes; one a core unless told.")
     ] = None,
     library: LibraryFolder = None,
     json: Json = False,

@@ -16,7 +16,7 @@ Device = Annotated[Literal["cpu", "cuda"], typer.Option("--device", help="Where 
 LibraryFolder = Annotated[
     Path | None,
     typer.Option(
-        "--library", help="CAD library folder [default: $CADPOSE_LIBRARY or the user's data folder]."
+        "--library", help="CAD library folder; $CADPOSE_LIBRARY or the user's data folder unless told."
     ),
 ]
 Candidates = Annotated[int, typer.Option("--candidates", min=1, help="CAD models compared a category.")]
