@@ -31,7 +31,7 @@ def detect(
     unknown = [name for name in category or () if name not in CATEGORIES]
     if unknown:
         raise typer.BadParameter(
-            f"the detector knows no {unknown[0]!r}, only {', '.join(sorted(CATEGORIES))}"
+            f"no detector knows {unknown[0]!r}, only {', '.join(sorted(CATEGORIES))}"
         )
     paths = find_photos(photos)
     detector = embedded_detector(device, category)
