@@ -78,8 +78,11 @@ def test_ctrl_c(small_library: Library, tmp_path: Path) -> None:
     out = tmp_path / "out"
     arguments = ["annotate", photos, "--library", small_library.path, "--out", out]
     given = ["--box", "5,5,50,35", "--category", "car", "--rotation", "30,10"]
+    # A job in the background of a script ignores Ctrl-C, and its children inherit that.
+    listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    program = [*PROGRAM[:2], listening + PROGRAM[2]]
     process = subprocess.Popen(
-        [*PROGRAM, *map(str, arguments), *given], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [*program, *map(str, arguments), *given], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
     deadline = time.monotonic() + 60
     while not (out / "0.json").exists() and time.monotonic() < deadline and process.poll() is None:
