@@ -15,8 +15,9 @@ from cadpose.annotations.document import AnnotationDocument, document_from
 from cadpose.errors import CadposeError, DependencyError, InputError, LibraryError
 from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
+from cadpose.library.mesh import Mesh
 from cadpose.pipeline import Annotator, PhotoResult, Stopwatch
-from cadpose.records import Detection, Photo, Rotation
+from cadpose.records import CadModel, Detection, Photo, Rotation
 from tests.batch.fakes import FakeDetector, fake_annotator
 from tests.small_library import Shot, save, shoot
 
@@ -115,7 +116,7 @@ def test_provenance_names_everything_that_took_part(annotator: Annotator, hatch:
         "masks": "grabcut",
         "rotation": "render-and-compare",
         "similarity": annotator.similarity.name,
-        "renderer": "raster",
+        "renderer": "raster-2x2",
         "align_to": "box",
         "candidates": 10,
         "seed": 0,
@@ -293,3 +294,40 @@ def test_the_stopwatch_adds_up_and_knows_the_last_stage() -> None:
     with pytest.raises(KeyError), clock.time("a"):
         raise KeyError
     assert clock.seconds["a"] > first and clock.stage == "a"
+
+
+def test_a_damaged_candidate_is_passed_over(
+    annotator: Annotator, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    whole = annotator.library.mesh
+    bad = annotator.library.representatives("car", 10)[0]
+
+    def mesh(cad: CadModel | str) -> Mesh:
+        if (cad if isinstance(cad, str) else cad.id) == bad.id:
+            raise LibraryError("its file is damaged")
+        return whole(cad)
+
+    monkeypatch.setattr(annotator.library, "mesh", mesh)
+    photo = Photo(np.full((60, 90, 3), 120, np.uint8))
+    car = Detection(Box(10, 10, 80, 50), "car", rotation=Rotation(30, 10))
+    (annotation,) = annotator.annotate(photo, [car])
+    assert bad.id not in [c.cad.id for c in annotation.candidates]
+    assert bad.id in caplog.text
+
+
+def test_the_mask_counts_wherever_it_lies(annotator: Annotator) -> None:
+    photo = Photo(np.full((300, 400, 3), 120, np.uint8))
+    everywhere = np.ones((300, 400), np.bool_)
+    box = Box(150, 120, 210, 160)
+    (annotation,) = annotator.annotate(
+        photo, [Detection(box, "car", mask=everywhere, rotation=Rotation(30, 10))]
+    )
+    assert annotation.mask_iou is not None and annotation.mask_iou < 2 * box.area / (300 * 400)
+
+
+def test_a_photo_made_of_an_array_leaves_it_writable() -> None:
+    frame = np.zeros((4, 5, 3), np.uint8)
+    photo = Photo(frame)
+    frame[0] = 1
+    with pytest.raises(ValueError, match="read-only"):
+        photo.rgb[0] = 2

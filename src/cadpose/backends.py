@@ -79,7 +79,7 @@ class Backends:
             folder = self.cache or cache_folder() / "galleries"
             encoder = encoder_on(self.device)
             # Blender's worker draws one view at a time; the rasteriser may be shared by threads.
-            workers = (os.cpu_count() or 1) if renderer_name == "raster" else 1
+            workers = (os.cpu_count() or 1) if renderer_name.startswith("raster") else 1
             single = encoder_on(self.device, threads=1)
             store = GalleryStore(folder, single, self.render_framed, renderer_name, workers)
             return RenderAndCompare(store, encoder)

@@ -24,7 +24,6 @@ Status = Literal["ok", "missing", "optional"]
 #: Extras that cadpose uses where they are installed: what for, and what else they need.
 OPTIONAL = {
     "scikit-image": "the photographs of the demo",
-    "torch": "training and the networks of the published methods",
     "panda3d": "`cadpose bench` beside our own renderer",
     "pyrender": "`cadpose bench` beside our own renderer",
 }

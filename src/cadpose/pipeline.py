@@ -21,7 +21,7 @@ from cadpose.alignment import align, focal_from_mask
 from cadpose.annotations.document import Failure
 from cadpose.backends import Backends
 from cadpose.errors import CadposeError, DependencyError, InputError, LibraryError
-from cadpose.geometry.boxes import Box, mask_iou
+from cadpose.geometry.boxes import Box, box_iou, mask_iou
 from cadpose.geometry.camera import Cameras
 from cadpose.geometry.frames import FloatArray
 from cadpose.library.catalogue import Library
@@ -230,7 +230,18 @@ class Annotator:
         return name
 
     def _pool(self, category: str) -> tuple[CadModel, ...]:
-        return self.library.representatives(self._known(category), self.candidate_count)
+        """The candidates of a category; models whose file is damaged are passed over."""
+        pool, reason = [], None
+        for cad in self.library.representatives(self._known(category), self.candidate_count):
+            try:
+                self.library.mesh(cad)
+                pool.append(cad)
+            except LibraryError as error:
+                log.warning("%s is passed over: %s", cad.id, error)
+                reason = error
+        if not pool:
+            raise LibraryError(f"no CAD model of category {category!r} can be read") from reason
+        return tuple(pool)
 
     def _annotate_object(self, photo: Photo, detection: Detection, clock: Stopwatch) -> Annotation:
         box = detection.box.clipped(photo.width, photo.height)
@@ -278,12 +289,15 @@ class Annotator:
             camera = Cameras.framing(best.rotation.to_matrix(), mesh.hull, size=_MASK_SIDE, margin=0.02)
             silhouette = self.renderer.render(mesh, camera)
             fit = focal_from_mask(silhouette.alpha[0], camera, mask, centred=True)
-            return Pose4Dof(best.rotation, fit.focal_px, fit.principal_px), fit.box_iou
+            pose = Pose4Dof(best.rotation, fit.focal_px, fit.principal_px)
+            drawn = np.array(_rectangle(pose, mesh.hull).to_tuple())
+            return pose, float(box_iou(drawn, np.array(box.to_tuple())))
         return align(mesh.hull, best.rotation, box, centred=self.align_to != "paper")
 
     def _mask_iou(self, cad: CadModel, pose: Pose4Dof, box: Box, mask: Mask) -> float:
-        """Silhouette IoU on a raster around the box, so that large photos cost no more than small ones."""
-        frame = box.scaled(1.5)
+        """Silhouette IoU on a raster around model and mask: large photos cost no more than small ones."""
+        drawn_box = _rectangle(pose, self.library.mesh(cad).hull)
+        frame = _around(box, drawn_box, Box.from_mask(mask)) if mask.any() else _around(box, drawn_box)
         scale = _MASK_SIDE / max(frame.width, frame.height)
         width, height = max(1, round(frame.width * scale)), max(1, round(frame.height * scale))
         cx, cy = pose.principal_px
@@ -316,6 +330,20 @@ class Annotator:
             "candidates": self.candidate_count,
             "seed": self.seed,
         }
+
+
+def _rectangle(pose: Pose4Dof, points_s: FloatArray) -> Box:
+    """Rectangle of the projected points in pixels of the photo."""
+    pixels = pose.project(points_s)
+    (x0, y0), (x1, y1) = pixels.min(axis=0), pixels.max(axis=0)
+    return Box(float(x0), float(y0), float(x1), float(y1))
+
+
+def _around(*boxes: Box) -> Box:
+    """The smallest box that holds them all."""
+    corners = np.array([box.to_tuple() for box in boxes])
+    low, high = corners[:, :2].min(axis=0), corners[:, 2:].max(axis=0)
+    return Box(float(low[0]), float(low[1]), float(high[0]), float(high[1]))
 
 
 def _path(value: Path | str | None) -> Path | None:

@@ -46,6 +46,7 @@ class Photo:
         rgb = np.ascontiguousarray(self.rgb)
         if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3 or 0 in rgb.shape:
             raise ValueError(f"Photo.rgb must be (H, W, 3) uint8, got {rgb.shape} {rgb.dtype}")
+        rgb = rgb.view()  # the caller may go on writing to an array of its own
         rgb.setflags(write=False)
         object.__setattr__(self, "rgb", rgb)
 
@@ -251,8 +252,9 @@ class Views:
 class Pose4Dof:
     """Three angles and one focal length at t_z = 2.0, and where in the photo they apply.
 
-    The principal point is the centre of the detection box (the paper's Fig. 4): the photo is seen
-    through a virtual camera that looks straight at the object.
+    The photo is seen through a virtual camera that looks at the object (the paper's Fig. 4). The paper puts
+    its principal point at the middle of the detection box; ``Annotator(align_to="box")``, the default, where
+    the middles of the projected rectangle and of the box agree. See docs/alignment.md.
 
     Attributes:
         rotation: Azimuth, elevation, in-plane rotation.

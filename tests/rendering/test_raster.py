@@ -393,3 +393,7 @@ def test_constants_that_kernels_mirror_agree() -> None:
         scene.SMOOTH,
         scene.MEAN_TEXEL,
     )
+
+
+def test_renderers_that_draw_differently_have_different_names() -> None:
+    assert len({Rasteriser(s).name for s in (1, 2, 3)}) == 3

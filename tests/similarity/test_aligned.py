@@ -11,7 +11,6 @@ from cadpose.similarity.aligned import (
     ASPECT_WEIGHT,
     AlignedCosine,
     ViewMaps,
-    best_in_brackets,
     compare,
     describe_crop,
     describe_views,
@@ -47,21 +46,6 @@ def test_a_bracket_is_scored_in_one_call_and_order_does_not_matter() -> None:
     order = np.array([4, 2, 0, 3, 1])
     turned = compare(photo, ViewMaps(maps.maps[order], maps.cover[order], maps.aspect[order]))
     np.testing.assert_allclose(turned, compare(photo, maps)[order], atol=1e-5)
-
-
-def test_each_cad_keeps_its_best_rotation() -> None:
-    maps = describe_views(five_views())
-    photo = describe_crop(photo_of(3))
-
-    def part(*rows: int) -> ViewMaps:
-        return ViewMaps(maps.maps[list(rows)], maps.cover[list(rows)], maps.aspect[list(rows)])
-
-    scores, best = best_in_brackets(photo, [part(0, 1), part(2, 3), part(4)])
-    everything = compare(photo, maps)
-    assert best[1] == 1
-    np.testing.assert_allclose(scores, [everything[:2].max(), everything[3], everything[4]])
-    with pytest.raises(ValueError, match="bracket"):
-        best_in_brackets(photo, [part(0), part()])
 
 
 def test_aspect_term_is_the_weighted_log_ratio() -> None:

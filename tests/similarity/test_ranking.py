@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import CadModel, Candidate, Mask, Rotation, Views
 from cadpose.similarity.aligned import AlignedCosine
-from cadpose.similarity.ranking import bracket, rank_candidates
+from cadpose.similarity.ranking import rank_candidates
 from tests.similarity.shapes import figure, photo_of
 
 CROP = np.zeros((8, 8, 3), np.uint8)
@@ -158,16 +158,3 @@ def test_the_default_measure_finds_the_drawn_figure() -> None:
             photo_of(kind), None, 1.4, cads, [[FRONT]] * 5, render=render, chooser=aligned, measure=aligned
         )
         assert found[0].cad.id == str(kind)
-
-
-def test_a_bracket_holds_the_neighbours_once() -> None:
-    around = bracket(Rotation(350.0, 20.0, 5.0), 15.0, 8.0)
-    assert around[0] == Rotation(350.0, 20.0, 5.0)
-    assert set(around) == {Rotation(a, e, 5.0) for a in (335.0, 350.0, 5.0) for e in (12.0, 20.0, 28.0)}
-    assert len(around) == 9
-
-
-def test_a_bracket_ends_at_the_pole() -> None:
-    around = bracket(Rotation(10.0, 85.0), 15.0, 8.0)
-    assert {r.elevation for r in around} == {77.0, 85.0}
-    assert len(around) == 6

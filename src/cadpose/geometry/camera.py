@@ -48,7 +48,7 @@ class Cameras:
         n = len(self.focal_px)
         shapes = {"R_cv_from_s": (n, 3, 3), "t_cv": (n, 3), "focal_px": (n,), "principal_px": (n, 2)}
         for name, shape in shapes.items():
-            array = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+            array = np.ascontiguousarray(getattr(self, name), dtype=np.float64).view()
             if array.shape != shape:
                 raise ValueError(f"Cameras.{name} has shape {array.shape}, expected {shape}")
             if not np.isfinite(array).all():

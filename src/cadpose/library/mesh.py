@@ -73,7 +73,7 @@ class Mesh:
             "face_material": (np.int32, (f,)),
         }
         for name, (dtype, shape) in spec.items():
-            array = np.ascontiguousarray(getattr(self, name), dtype=dtype)
+            array = np.ascontiguousarray(getattr(self, name), dtype=dtype).view()
             if array.shape != shape:
                 raise ValueError(f"Mesh.{name} has shape {array.shape}, expected {shape}")
             if dtype is np.float32 and not np.isfinite(array).all():

@@ -12,6 +12,7 @@ from cadpose.records import Views
 class Renderer(Protocol):
     """Draws one mesh from many cameras in one call."""
 
+    #: Tells apart renderers that draw differently: part of the key of everything made from renders.
     name: str
 
     def render(self, mesh: Mesh, cameras: Cameras) -> Views:

@@ -146,8 +146,6 @@ class BlenderRenderer:
         ValueError: an argument is out of range.
     """
 
-    name = "blender"
-
     def __init__(
         self,
         samples: int = 4,
@@ -157,6 +155,7 @@ class BlenderRenderer:
         folder: Path | None = None,
         timeout: float = 300.0,
     ) -> None:
+        self.name = f"blender-{samples}" + ("" if denoise else "-noisy")
         if samples < 1 or threads < 0 or timeout <= 0:
             raise ValueError("samples and timeout must be positive, threads at least 0")
         self._python = blender_python(folder)
@@ -256,9 +255,13 @@ class BlenderRenderer:
         assert self._process is not None and self._process.stdin is not None
         try:
             write_message(self._process.stdin, header, arrays)
+            return self._answer()
         except OSError:
             raise self._failure("Blender's worker has ended") from None
-        return self._answer()
+        except KeyboardInterrupt:
+            # The answer to this question must not be taken for the answer to the next.
+            self.close()
+            raise
 
     def _answer(self) -> dict[str, Any]:
         assert self._process is not None and self._process.stdout is not None

@@ -32,12 +32,11 @@ class Rasteriser:
         ValueError: ``supersample`` is out of range.
     """
 
-    name = "raster"
-
     def __init__(self, supersample: int = 2) -> None:
         if not 1 <= supersample <= 4:
             raise ValueError(f"supersample must be 1 to 4, got {supersample}")
         self.supersample = supersample
+        self.name = f"raster-{supersample}x{supersample}"
         self._scenes: WeakKeyDictionary[Mesh, Scene] = WeakKeyDictionary()
         self._local = threading.local()
 

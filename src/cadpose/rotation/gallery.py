@@ -11,6 +11,8 @@ import os
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.records import CadModel, Views
 from cadpose.rotation.features import LEVELS, Described, describe
 from cadpose.rotation.grid import GRID_VERSION, grid_rotations
+from cadpose.weights import REGISTRY
 
 log = logging.getLogger(__name__)
 
@@ -83,7 +86,7 @@ class GalleryStore:
 
     def path(self, cad: CadModel) -> Path:
         """Where the model's gallery is cached."""
-        key = f"{FORMAT_VERSION}/{GRID_VERSION}/{self.renderer_name}/{cad.id}/{cad.sha256}"
+        key = f"{FORMAT_VERSION}/{GRID_VERSION}/{_made_with()}/{self.renderer_name}/{cad.id}/{cad.sha256}"
         return self.folder / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
 
     def _write(self, path: Path, gallery: Described) -> None:
@@ -102,6 +105,14 @@ class GalleryStore:
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
+
+
+@lru_cache(maxsize=1)
+def _made_with() -> str:
+    """Digest of the encoder's weights and of the numbers that its maps are standardised with."""
+    statistics = (files("cadpose") / "data" / "cell-statistics.json").read_bytes()
+    encoder = "".join(REGISTRY[name].sha256 for name in ("lite0-trunk", "lite0-middle"))
+    return hashlib.sha256(encoder.encode() + statistics).hexdigest()[:16]
 
 
 def _read(path: Path) -> Described:

@@ -6,9 +6,6 @@ maps the mean of the compared renders *at that cell* is taken away: what all can
 that the render covers, is the score, less a term for boxes of different shape:
 
     score = mean_covered cos(photo - m, render - m) - ASPECT_WEIGHT · |ln(aspect_photo / aspect_render)|
-
-A rotation error costs more than a wrong CAD (evidence: 10° of azimuth, 20 points of top-1), so score a
-bracket of rotations a CAD in one :func:`compare` call and keep each CAD's best.
 """
 
 from __future__ import annotations
@@ -130,35 +127,6 @@ def compare(
     if aspect is not None:
         scores = scores - ASPECT_WEIGHT * np.abs(np.log(aspect / renders.aspect))
     return np.asarray(scores, np.float64)
-
-
-def best_in_brackets(
-    photo: NDArray[np.float32],
-    brackets: Sequence[ViewMaps],
-    *,
-    aspect: float | None = None,
-    tolerance: int = 0,
-) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Each CAD's best score over its renders at several rotations, all compared at once.
-
-    Args:
-        photo: (112, 14, 14) map of the crop.
-        brackets: K described CADs, each with one or more rotations.
-        aspect: See :func:`compare`.
-        tolerance: See :func:`compare`.
-
-    Returns:
-        (K,) scores and (K,) indices of the best render within each bracket, the first of equal ones.
-
-    Raises:
-        ValueError: a bracket is empty; see also :func:`compare`.
-    """
-    if not brackets or not all(len(b) for b in brackets):
-        raise ValueError("every bracket needs at least one render")
-    scores = compare(photo, ViewMaps.joined(brackets), aspect=aspect, tolerance=tolerance)
-    parts = np.split(scores, np.cumsum([len(b) for b in brackets])[:-1])
-    best = np.array([int(np.argmax(part)) for part in parts], np.int64)
-    return np.array([part[i] for part, i in zip(parts, best, strict=True)]), best
 
 
 class AlignedCosine:

@@ -20,8 +20,7 @@ from cadpose.similarity.local_features import DenseLite0
 class Fused:
     """A :class:`cadpose.similarity.SimilarityMeasure`; give it one render a candidate.
 
-    Renders of 224 px suffice; 448 px were measured no better. A render costs six times the aligned cosine,
-    so choose rotations by :func:`cadpose.similarity.aligned.best_in_brackets` first.
+    Renders of 224 px suffice; 448 px were measured no better. A render costs six times the aligned cosine.
 
     Args:
         encoder: The process's shared Lite0 if None.
@@ -44,7 +43,7 @@ class Fused:
         )
 
     def compare(self, crop: NDArray[np.uint8], views: Views) -> AffineComparison:
-        """The dense matches, for a caller that has the aligned scores from a bracket of rotations."""
+        """The dense matches with the measures that rest on them."""
         return self.local.compare(crop, None, views)
 
     @staticmethod

@@ -64,14 +64,3 @@ def rank_candidates(
         Candidate(cads[i], float(final[i]), rotations[i][best[i]], measures[i])
         for i in np.argsort(-final, kind="stable")
     ]
-
-
-def bracket(rotation: Rotation, azimuth: float, elevation: float) -> list[Rotation]:
-    """The rotation and its eight neighbours, so many degrees of azimuth and elevation away."""
-    around = [rotation]
-    for d_azimuth in (-azimuth, 0.0, azimuth):
-        for d_elevation in (-elevation, 0.0, elevation):
-            tilt = rotation.elevation + d_elevation
-            if (d_azimuth or d_elevation) and -90.0 <= tilt <= 90.0:
-                around.append(Rotation(rotation.azimuth + d_azimuth, tilt, rotation.inplane))
-    return around
