@@ -5,6 +5,7 @@ import json
 import struct
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -174,6 +175,44 @@ def test_separate_opacity_map(tmp_path: Path) -> None:
     assert texture[0, 0].tolist() == [10, 200, 10, 51]
 
 
+def many_materials(count: int) -> str:
+    uses = "".join(f"usemtl m{i}\nf 1/1 2/2 {4 + i}/3\n" for i in range(count))
+    points = "".join(f"v 0 1 {i}\n" for i in range(count))
+    return f"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n{points}{uses}"
+
+
+def test_materials_share_a_texture_made_of_two_images(tmp_path: Path) -> None:
+    mtl = "".join(f"newmtl m{i}\nd 0.{i + 3}\nmap_Kd leaf.png\nmap_d hole.png\n" for i in range(5))
+    write(tmp_path, leaf__png=png((10, 200, 10)), hole__png=png((51, 51, 51)), m__mtl=mtl)
+    write(tmp_path, m__obj=many_materials(5))
+    materials = load_mesh_file(tmp_path / "m.obj").materials
+    assert len(materials) == 5
+    assert len({id(m.texture) for m in materials}) == 1
+
+
+def test_textures_made_of_two_count_towards_the_budget(tmp_path: Path) -> None:
+    mtl = "".join(f"newmtl m{i}\nmap_Kd leaf.png\nmap_d hole{i}.png\n" for i in range(4))
+    write(tmp_path, leaf__png=png((10, 200, 10)), m__mtl=mtl, m__obj=many_materials(4))
+    for i in range(4):
+        (tmp_path / f"hole{i}.png").write_bytes(png((51, 51, i)))
+    told: list[str] = []
+    # Sixteen pixels each: the leaf, and two opacity maps with what they are joined to.
+    few = replace(DEFAULT_LIMITS, total_pixels=16 * 5)
+    materials = load_mesh_file(tmp_path / "m.obj", limits=few, warn=told.append).materials
+    depths = [m.texture.shape[2] for m in materials if m.texture is not None]
+    assert sorted(depths) == [3, 4, 4]
+    assert told
+
+
+def test_materials_are_capped(tmp_path: Path) -> None:
+    few = replace(DEFAULT_LIMITS, materials=4)
+    with pytest.raises(InputError, match="more than the 4 materials"):
+        load_mesh(many_materials(5).encode(), "m.obj", NoAssets(), limits=few)
+    header, binary = triangle_gltf(materials=[{}] * 5)
+    with pytest.raises(InputError, match="more than the 4 materials"):
+        load_mesh(glb(header, binary), "t.glb", NoAssets(), limits=few)
+
+
 @pytest.mark.parametrize("name", ["../secret.png", "a/../../secret.png", "..\\secret.png"])
 def test_textures_outside_the_folder_are_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / "secret.png").write_bytes(png())
@@ -265,7 +304,8 @@ def test_glb_colour_transform_and_mirror() -> None:
     assert np.cross(b - a, c - a)[2] > 0
 
 
-def test_gltf_with_embedded_buffer_and_texture() -> None:
+def textured_gltf(image: bytes) -> dict[str, Any]:
+    """One triangle whose texture and buffer are embedded."""
     header, binary = triangle_gltf()
     uv = np.array([[0, 0], [1, 0], [0, 1]], dtype="<f4").tobytes()
     header["buffers"] = [
@@ -276,14 +316,32 @@ def test_gltf_with_embedded_buffer_and_texture() -> None:
     header["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = 1
     header["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
     header["textures"] = [{"source": 0}]
-    header["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(png((9, 8, 7))).decode()}]
-    mesh = load_mesh(json.dumps(header).encode(), "t.gltf", NoAssets())
+    header["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(image).decode()}]
+    return header
+
+
+def test_gltf_with_embedded_buffer_and_texture() -> None:
+    mesh = load_mesh(json.dumps(textured_gltf(png((9, 8, 7)))).encode(), "t.gltf", NoAssets())
     texture = mesh.materials[0].texture
     assert texture is not None
     assert texture[0, 0].tolist() == [9, 8, 7]
     # glTF counts v from the top, a Mesh from the bottom.
     at_origin = np.argmin(np.abs(mesh.vertices[mesh.faces[0]]).sum(axis=1))
     assert mesh.corner_uv[0, at_origin] == pytest.approx((0.0, 1.0))
+
+
+def test_gltf_materials_share_the_texture_without_its_alpha() -> None:
+    header = textured_gltf(png((9, 8, 7, 100)))
+    first = header["meshes"][0]["primitives"][0]
+    header["meshes"][0]["primitives"] = [first | {"material": i} for i in range(4)]
+    plain, blend = header["materials"][0], {"alphaMode": "BLEND"}
+    header["materials"] = [plain, plain | {"name": "b"}, plain | blend, plain | blend]
+    factor = {"baseColorFactor": [1, 0, 0, 1]}
+    header["materials"][1] = {"pbrMetallicRoughness": plain["pbrMetallicRoughness"] | factor}
+    mesh = load_mesh(json.dumps(header).encode(), "t.gltf", NoAssets())
+    textures = [m.texture for m in mesh.materials if m.texture is not None]
+    assert sorted(t.shape[2] for t in textures) == [3, 3, 4]
+    assert len({id(t) for t in textures}) == 2
 
 
 @pytest.mark.parametrize(

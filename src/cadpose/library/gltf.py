@@ -49,6 +49,8 @@ def load_parts(
             )
     buffers = _buffers(header, binary, name, assets, limits)
     _judge(header, buffers, name, limits)
+    if len(header.get("materials") or []) > limits.materials:
+        raise InputError(f"{name} has more than the {limits.materials} materials allowed.")
     materials = _Materials(header, buffers, name, assets, TextureBudget(limits), warn)
     plain = dict(header)
     plain["materials"] = [{"name": str(i)} for i in range(len(header.get("materials") or []))]
@@ -165,6 +167,7 @@ class _Materials:
     budget: TextureBudget
     warn: Callable[[str], None]
     _images: dict[int, NDArray[np.uint8] | None] = field(default_factory=dict)
+    _without_alpha: dict[int, NDArray[np.uint8] | None] = field(default_factory=dict)
     _done: dict[int, Material] = field(default_factory=dict)
 
     def get(self, index: int) -> Material:
@@ -184,15 +187,14 @@ class _Materials:
             linear[: len(factor)] = np.nan_to_num(np.asarray(factor, dtype=np.float64))
         linear = np.clip(linear, 0.0, 1.0)
         r, g, b = srgb_from_linear(linear[:3])
-        alpha = 1.0 if source.get("alphaMode", "OPAQUE") == "OPAQUE" else float(linear[3])
-        texture = self._texture(slot) if isinstance(slot, dict) else None
-        if texture is not None and texture.shape[2] == 4 and source.get("alphaMode", "OPAQUE") == "OPAQUE":
-            texture = np.ascontiguousarray(texture[..., :3])
+        opaque = source.get("alphaMode", "OPAQUE") == "OPAQUE"
+        alpha = 1.0 if opaque else float(linear[3])
+        texture = self._texture(slot, opaque) if isinstance(slot, dict) else None
         return Material(
             (float(r), float(g), float(b), alpha), texture, str(source.get("name", f"material {index}"))
         )
 
-    def _texture(self, slot: dict[str, Any]) -> NDArray[np.uint8] | None:
+    def _texture(self, slot: dict[str, Any], opaque: bool) -> NDArray[np.uint8] | None:
         textures, images = self.header.get("textures") or [], self.header.get("images") or []
         number = slot.get("index")
         if not isinstance(number, int) or not 0 <= number < len(textures):
@@ -204,7 +206,20 @@ class _Materials:
             return None
         if image not in self._images:
             self._images[image] = self._image(image, images[image])
-        return self._images[image]
+        texture = self._images[image]
+        if not opaque or texture is None or texture.shape[2] == 3:
+            return texture
+        if image not in self._without_alpha:
+            self._without_alpha[image] = self._stripped(texture, str(image))
+        return self._without_alpha[image]
+
+    def _stripped(self, texture: NDArray[np.uint8], label: str) -> NDArray[np.uint8] | None:
+        try:
+            self.budget.charge(texture, label)
+        except InputError as error:
+            self.warn(f"{str(error).rstrip('.')}; the material's colour is used")
+            return None
+        return np.ascontiguousarray(texture[..., :3])
 
     def _image(self, index: int, info: dict[str, Any]) -> NDArray[np.uint8] | None:
         label = str(info.get("name") or info.get("uri") or index)[:80]

@@ -15,10 +15,11 @@ class Limits:
         file_bytes: One mesh file, or one buffer it names.
         faces: Triangles of one model, after triangulation and instancing.
         vertices: Vertices of one model.
+        materials: Materials of one model; decoders pass over all vertices for each.
         textures: Texture images of one model.
         texture_bytes: One encoded texture image.
         texture_pixels: One texture image, width times height.
-        total_pixels: All textures of one model together.
+        total_pixels: All textures of one model together, counting those made of two.
         texture_side: Longer side a texture is stored with; larger ones are reduced.
         archive_entries: Files in one archive.
         archive_bytes: What one archive says it unpacks to.
@@ -28,6 +29,7 @@ class Limits:
     file_bytes: int = 192 * MIB
     faces: int = 2_000_000
     vertices: int = 4_000_000
+    materials: int = 1024
     textures: int = 128
     texture_bytes: int = 48 * MIB
     texture_pixels: int = 64_000_000

@@ -10,6 +10,7 @@ import io
 import logging
 import re
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +133,8 @@ def _obj_parts(
         raise InputError(f"{name} has vertices that are not finite numbers (NaN or infinity).")
     described = _read_mtl(data, name, assets, limits, warn)
     used = list(dict.fromkeys(m.strip() for m in _USEMTL.findall(text)))
+    if len(used) > limits.materials:
+        raise InputError(f"{name} has more than the {limits.materials} materials allowed.")
     absent = [m for m in used if m not in described]
     if absent and described:
         warn(f"material {absent[0]!r} is not in the material file; it is drawn grey")
@@ -141,11 +144,9 @@ def _obj_parts(
         io.BytesIO(("mtllib names.mtl\n" + text).encode()),
         resolver=_Materials(list(dict.fromkeys(m.strip() for m in _USEMTL.findall(text))) or ["none"]),
     )
-    budget = TextureBudget(limits)
-    images: dict[str, NDArray[np.uint8] | None] = {}
-    made = {
-        n: _material(m, name, assets, budget, images, warn) for n, m in described.items() if n in set(used)
-    }
+    textures = _Textures(assets, TextureBudget(limits), warn)
+    names = set(used)
+    made = {n: _material(m, textures) for n, m in described.items() if n in names}
     parts = []
     for piece in (loaded.get("geometry") or {}).values():
         visual = piece.get("visual")
@@ -228,33 +229,48 @@ def _read_mtl(
     return described
 
 
-def _material(
-    source: MtlMaterial,
-    name: str,
-    assets: Assets,
-    budget: TextureBudget,
-    images: dict[str, NDArray[np.uint8] | None],
-    warn: Callable[[str], None],
-) -> Material:
-    def image(written: str) -> NDArray[np.uint8] | None:
-        if written not in images:
-            images[written] = None
-            content = assets.read(written, budget.limits.texture_bytes)
-            if content is None:
-                warn(f"texture {written[:120]!r} is missing; the material's colour is used")
-            else:
-                try:
-                    images[written] = budget.decode(content, written)
-                except InputError as error:
-                    warn(f"{str(error).rstrip('.')}; the material's colour is used")
-        return images[written]
+@dataclass
+class _Textures:
+    """One model's textures by the names its materials give, each made once under one budget."""
 
-    texture = image(source.map_kd) if source.map_kd else None
-    if texture is not None and source.map_d:
-        alpha = image(source.map_d)
-        if alpha is not None:
-            texture = with_alpha_map(texture, alpha)
-            images[f"{source.map_kd}\0{source.map_d}"] = texture
+    assets: Assets
+    budget: TextureBudget
+    warn: Callable[[str], None]
+    _images: dict[tuple[str, str | None], NDArray[np.uint8] | None] = field(default_factory=dict)
+
+    def get(self, map_kd: str, map_d: str | None = None) -> NDArray[np.uint8] | None:
+        """The colour texture, with the opacity map as its alpha where there is one."""
+        key = (map_kd, map_d)
+        if key not in self._images:
+            self._images[key] = self._combined(map_kd, map_d) if map_d else self._decoded(map_kd)
+        return self._images[key]
+
+    def _combined(self, map_kd: str, map_d: str) -> NDArray[np.uint8] | None:
+        texture = self.get(map_kd)
+        alpha = None if texture is None else self.get(map_d)
+        if texture is None or alpha is None:
+            return texture
+        try:
+            self.budget.charge(texture, map_kd)
+        except InputError as error:
+            self.warn(f"{str(error).rstrip('.')}; its opacity map is left out")
+            return texture
+        return with_alpha_map(texture, alpha)
+
+    def _decoded(self, written: str) -> NDArray[np.uint8] | None:
+        content = self.assets.read(written, self.budget.limits.texture_bytes)
+        if content is None:
+            self.warn(f"texture {written[:120]!r} is missing; the material's colour is used")
+            return None
+        try:
+            return self.budget.decode(content, written)
+        except InputError as error:
+            self.warn(f"{str(error).rstrip('.')}; the material's colour is used")
+            return None
+
+
+def _material(source: MtlMaterial, textures: _Textures) -> Material:
+    texture = textures.get(source.map_kd, source.map_d) if source.map_kd else None
     colour = (1.0, 1.0, 1.0) if texture is not None else source.kd
     return Material((*colour, source.alpha), texture, source.name)
 

@@ -65,9 +65,9 @@ def mesh_from_file(path: Path) -> Mesh:
             if header["format"] != FORMAT:
                 raise LibraryError(f"{path} has format {header['format']}; add the model again.")
             images = {
-                m["texture"]: decode_stored(data[f"texture{m['texture']}"].tobytes())
-                for m in header["materials"]
-                if m["texture"] >= 0
+                slot: decode_stored(data[f"texture{slot}"].tobytes())
+                for slot in {m["texture"] for m in header["materials"]}
+                if slot >= 0
             }
             materials = tuple(
                 Material(tuple(m["rgba"]), images.get(m["texture"]), m["name"]) for m in header["materials"]

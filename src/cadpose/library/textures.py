@@ -42,18 +42,27 @@ class TextureBudget:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 image = Image.open(io.BytesIO(data), formats=_FORMATS)
-                pixels = image.width * image.height
-                if pixels > limits.texture_pixels or self.pixels + pixels > limits.total_pixels:
-                    raise InputError(
-                        f"texture {name} has {image.width} x {image.height} pixels, more than is allowed."
-                    )
-                self.pixels += pixels
+                self._spend(image.width, image.height, name)
                 image.draft("RGB", (limits.texture_side, limits.texture_side))
                 return _to_array(image, limits.texture_side)
         except InputError:
             raise
         except Exception as error:  # Pillow's decoders raise whatever their parser met
             raise InputError(f"texture {name} cannot be decoded ({error}).") from error
+
+    def charge(self, texture: NDArray[np.uint8], name: str) -> None:
+        """Count the pixels of a further copy that is to be made of a decoded texture.
+
+        Raises:
+            InputError: it goes over a limit.
+        """
+        self._spend(texture.shape[1], texture.shape[0], name)
+
+    def _spend(self, width: int, height: int, name: str) -> None:
+        pixels = width * height
+        if pixels > self.limits.texture_pixels or self.pixels + pixels > self.limits.total_pixels:
+            raise InputError(f"texture {name} has {width} x {height} pixels, more than is allowed.")
+        self.pixels += pixels
 
 
 def _to_array(image: Image.Image, side: int) -> NDArray[np.uint8]:
