@@ -230,6 +230,31 @@ def test_no_output_takes_the_place_of_a_photo(annotator: Annotator, tmp_path: Pa
     assert files(tmp_path) == before
 
 
+@pytest.mark.parametrize("way", ["dots", "link to the folder", "link to the photo"])
+def test_no_other_way_to_a_photo_hides_it(annotator: Annotator, tmp_path: Path, way: str) -> None:
+    folder = tmp_path / "photos"
+    photos = [picture(folder / name, i) for i, name in enumerate(("car.png", "car.overlay.png"))]
+    out = folder / ".." / "photos"
+    if way == "link to the folder":
+        out = tmp_path / "link"
+        out.symlink_to(folder)
+    elif way == "link to the photo":
+        out = tmp_path / "out"
+        out.mkdir()
+        (tmp_path / "other.png").symlink_to(photos[1].rename(out / "car.overlay.png"))
+        photos[1] = tmp_path / "other.png"
+    before = files(tmp_path)
+    with pytest.raises(InputError, match=r"car\.overlay\.png is one of the photos"):
+        annotate_all(annotator, photos, out)
+    assert files(tmp_path) == before
+
+
+def test_the_index_spares_a_photo_of_its_name(annotator: Annotator, tmp_path: Path) -> None:
+    photo = picture(tmp_path / "index.png").rename(tmp_path / "index.html")
+    with pytest.raises(InputError, match=r"index\.html is one of the photos"):
+        annotate_all(annotator, [photo], tmp_path)
+
+
 def test_outputs_beside_the_photos(annotator: Annotator, photos: list[Path]) -> None:
     before = files(photos[0].parent)
     annotate_all(annotator, photos, photos[0].parent)

@@ -190,6 +190,19 @@ def test_wrong_usage(arguments: list[str], says: str) -> None:
     assert says in re.sub(r"[\s│]+", " ", result.stderr)
 
 
+# -- detect ----------------------------------------------------------------------------------------
+
+
+def test_detect_draws_over_no_photo(tmp_path: Path) -> None:
+    for name in ("car.png", "car.detections.png"):
+        Image.new("RGB", (64, 48)).save(tmp_path / name)
+    before = (tmp_path / "car.detections.png").read_bytes()
+    (tmp_path / "link").symlink_to(tmp_path)
+    result = cadpose("detect", tmp_path, "--out", tmp_path / "link")
+    assert result.exit_code == 1 and "car.detections.png is one of the photos" in result.stderr
+    assert (tmp_path / "car.detections.png").read_bytes() == before
+
+
 # -- library ---------------------------------------------------------------------------------------
 
 

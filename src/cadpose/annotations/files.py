@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from cadpose.errors import CadposeError
+from cadpose.errors import CadposeError, InputError
 
 #: Longest stem in bytes: file systems allow 255 for the whole name.
 _STEM_BYTES = 120
@@ -59,6 +59,20 @@ def _sync_folder(folder: Path) -> None:
             os.close(handle)
 
 
+def spare_photos(targets: Iterable[str | os.PathLike[str]], photos: Iterable[str | os.PathLike[str]]) -> None:
+    """No output may take the place of a photo of the run: ``car.overlay.png`` beside ``car.jpg``.
+
+    Places are compared, not spellings: neither ``photos/../photos`` nor a link hides a photo.
+
+    Raises:
+        InputError: a target is one of the photos.
+    """
+    places = {os.path.realpath(photo) for photo in photos}
+    for target in targets:
+        if os.path.realpath(target) in places:
+            raise InputError(f"{target} is one of the photos and would be written over: choose another --out")
+
+
 @dataclass(frozen=True, slots=True)
 class OutputPaths:
     """Where the outputs of one photo go.
@@ -74,6 +88,10 @@ class OutputPaths:
     overlay: Path
     candidates: Path
     card: Path
+
+    def all(self) -> tuple[Path, ...]:
+        """Every one of them."""
+        return self.json, self.overlay, self.candidates, self.card
 
 
 def output_paths(

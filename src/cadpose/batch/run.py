@@ -14,7 +14,7 @@ from PIL import Image
 
 from cadpose.annotations.card import GalleryEntry, gallery_entry, index_html
 from cadpose.annotations.document import AnnotationDocument
-from cadpose.annotations.files import OutputPaths, output_paths, write_atomic
+from cadpose.annotations.files import OutputPaths, output_paths, spare_photos, write_atomic
 from cadpose.annotations.store import Store
 from cadpose.batch.outputs import write_outputs
 from cadpose.errors import CadposeError, DependencyError, InputError
@@ -83,7 +83,7 @@ def annotate_photos(
         CadposeError: ``out`` or the store cannot be written, or an output would replace a photo.
     """
     planned = output_paths(photos, out)
-    _spare_photos(photos, planned)
+    spare_photos([out / "index.html", *(path for paths in planned for path in paths.all())], photos)
     try:
         out.mkdir(parents=True, exist_ok=True)
         _sweep(out)
@@ -135,17 +135,6 @@ def _finished(photo: Path, paths: OutputPaths) -> tuple[PhotoOutcome, Image.Imag
     if not whole or document.photo.sha256 != digest:
         return None
     return PhotoOutcome(photo, document, paths, resumed=True), overlay
-
-
-def _spare_photos(photos: Sequence[Path], planned: Sequence[OutputPaths]) -> None:
-    """No output may take the place of a photo of the run: ``car.overlay.png`` beside ``car.jpg``."""
-    named = {photo.absolute() for photo in photos}
-    for paths in planned:
-        for path in (paths.json, paths.overlay, paths.candidates, paths.card):
-            if path.absolute() in named:
-                raise InputError(
-                    f"{path} is one of the photos and would be written over: choose another --out"
-                )
 
 
 def _sweep(out: Path) -> None:

@@ -21,7 +21,7 @@ def detect(
 ) -> None:
     """Find the objects of photographs: boxes and categories."""
     from cadpose.annotations.boxes import draw_detections
-    from cadpose.annotations.files import output_paths, write_atomic
+    from cadpose.annotations.files import output_paths, spare_photos, write_atomic
     from cadpose.annotations.style import png_bytes
     from cadpose.backends import embedded_detector
     from cadpose.errors import CadposeError
@@ -30,19 +30,19 @@ def detect(
 
     unknown = [name for name in category or () if name not in CATEGORIES]
     if unknown:
-        raise typer.BadParameter(
-            f"no detector knows {unknown[0]!r}, only {', '.join(sorted(CATEGORIES))}"
-        )
+        raise typer.BadParameter(f"no detector knows {unknown[0]!r}, only {', '.join(sorted(CATEGORIES))}")
     paths = find_photos(photos)
+    pictures = [p.json.with_suffix(".detections.png") for p in output_paths(paths, out or Path())]
+    if out is not None:
+        spare_photos(pictures, paths)
     detector = embedded_detector(device, category)
     told: list[dict[str, Any]] = []
     with progress_bar("detect", len(paths)) as bar:
-        for path, outputs in zip(paths, output_paths(paths, out or Path()), strict=True):
+        for path, picture in zip(paths, pictures, strict=True):
             try:
                 photo = read_photo(path)
                 found = detector.detect(photo)
                 if out is not None:
-                    picture = outputs.json.with_suffix(".detections.png")
                     write_atomic(picture, png_bytes(draw_detections(photo, found)))
                 objects = [
                     {"category": d.category, "score": round(d.score, 4), "box": list(d.box.to_tuple())}
