@@ -93,6 +93,14 @@ def test_annotate_names_model_and_pose(
     assert found["box_iou"] > 0.95 and found["mask_iou"] > 0.85
 
 
+def test_a_whole_turn_is_told_as_none(
+    small_library: Library, photo: Path, hatch: Shot, tmp_path: Path
+) -> None:
+    common = ["--library", small_library.path, "--out", tmp_path / "out", *given(hatch)[:4]]
+    result = cadpose("annotate", photo, *common, "--rotation", "359.7,12,4")
+    assert result.exit_code == 0 and " 0° +12° +4°" in result.stdout
+
+
 def test_annotate_with_coco_detections(
     small_library: Library, photo: Path, hatch: Shot, tmp_path: Path
 ) -> None:

@@ -173,7 +173,9 @@ def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
             rows.append([name, "no object found", "", "", "", ""])
         for part in parts:
             pose = part.pose
-            angles = f"{pose.azimuth:.0f}° {round(pose.elevation):+d}° {round(pose.inplane):+d}°"
+            # 359.7° is 0°, not 360°.
+            azimuth = round(pose.azimuth) % 360
+            angles = f"{azimuth}° {round(pose.elevation):+d}° {round(pose.inplane):+d}°"
             rows.append(
                 [
                     name,
