@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -133,6 +134,16 @@ def test_a_file_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(labels_module, "MAX_BYTES", 10)
     with pytest.raises(InputError, match=r"labels\.json: larger than"):
         read_labels(write(tmp_path, [GOOD]))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="device files and pipes are a POSIX thing")
+def test_neither_devices_nor_pipes_are_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "zeros.json").symlink_to("/dev/zero")
+    for path in (Path("/dev/zero"), tmp_path / "pipe", tmp_path / "zeros.json"):
+        for read in (read_labels, read_gallery):
+            with pytest.raises(InputError, match=f"^{re.escape(str(path))}: cannot be read .not a reg"):
+                read(path)
 
 
 def test_gallery(tmp_path: Path) -> None:

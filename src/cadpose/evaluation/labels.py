@@ -8,6 +8,7 @@ Each entry names a ``photo`` (relative to the label file), a ``category``, and a
 from __future__ import annotations
 
 import json
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -85,9 +86,15 @@ def read_gallery(path: Path) -> list[str]:
 
 def _read_json(path: Path) -> Any:
     try:
-        if path.stat().st_size > MAX_BYTES:
+        # Looked at before it is opened: opening a pipe would wait for a writer.
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise InputError(f"{path}: cannot be read (not a regular file), check the path")
+        with path.open("rb") as file:
+            # A file's size may be told wrong, as in /proc, or grow.
+            data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
             raise InputError(f"{path}: larger than {MAX_BYTES >> 20} MiB, split it into several files")
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(data.decode("utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}), check the path") from error
     except (ValueError, RecursionError) as error:  # bad UTF-8, bad JSON, endless digits or brackets
