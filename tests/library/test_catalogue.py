@@ -9,10 +9,13 @@ import pytest
 
 from cadpose.errors import LibraryError
 from cadpose.library import catalogue as catalogue_module
+from cadpose.library import importing as importing_module
 from cadpose.library.catalogue import Library
 from cadpose.library.folder import folder_items
 from cadpose.library.importing import ImportItem, mesh_path
 from cadpose.library.loading import load_mesh_file
+from cadpose.library.mesh import Mesh
+from cadpose.library.normalise import normalise
 from cadpose.library.storage import mesh_from_file, mesh_to_bytes
 
 from .builders import CUBE_VERTICES, obj_box, png
@@ -132,6 +135,22 @@ def test_one_bad_model_does_not_stop_the_others(tmp_path: Path, items: list[Impo
     assert len(report.added) == 2
     assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
     assert library.check() == []
+
+
+def test_an_error_nobody_foresaw_is_told_of_its_model_only(
+    tmp_path: Path, items: list[ImportItem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(mesh: Mesh, rotation: object) -> tuple[Mesh, float]:
+        if np.ptp(mesh.bounds[:, 1]) > 2:
+            raise KeyError("tall")
+        return normalise(mesh)
+
+    monkeypatch.setattr(importing_module, "normalise", broken)
+    report = Library.create(tmp_path / "library").add(items)
+    ((name, reason),) = report.failed
+    assert name == "boxes/chair/tall.obj"
+    assert "KeyError: 'tall'" in reason
+    assert len(report.added) == 3
 
 
 def test_killed_midway_leaves_what_was_done(tmp_path: Path, items: list[ImportItem]) -> None:

@@ -323,6 +323,20 @@ def test_folder_errors(tmp_path: Path) -> None:
     assert "sideways" in problems[0]
 
 
+def test_a_mesh_that_links_out_of_its_folder_is_told_and_the_others_go_on(tmp_path: Path) -> None:
+    for name in ("store", "chairs", "chairs/kept"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "store" / "abc.obj").write_text(WEDGE)
+    (tmp_path / "chairs" / "kept" / "real.obj").write_text(WEDGE)
+    (tmp_path / "chairs" / "out.obj").symlink_to(tmp_path / "store" / "abc.obj")
+    (tmp_path / "chairs" / "within.obj").symlink_to(tmp_path / "chairs" / "kept" / "real.obj")
+    report = add_path(Library.create(tmp_path / "library"), tmp_path / "chairs")
+    assert report.added == ("chairs/kept/real.obj", "chairs/within.obj")
+    ((name, reason),) = report.failed
+    assert name == "chairs/out.obj"
+    assert reason.startswith(f"{tmp_path / 'chairs' / 'out.obj'} is a link out of {tmp_path / 'chairs'}")
+
+
 def test_single_file_and_choice(tmp_path: Path) -> None:
     (tmp_path / "sofa.obj").write_text(WEDGE)
     (tmp_path / "bed.obj").write_text(WEDGE)

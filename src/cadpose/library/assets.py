@@ -64,12 +64,19 @@ class FolderAssets:
 
     Args:
         mesh_path: The mesh file; names are relative to its folder.
-        root: Nothing outside this folder is read; the mesh's own folder by default.
+        root: Nothing outside this folder is read, the mesh included; the mesh's own folder by default.
+
+    Raises:
+        InputError: the mesh is a link out of ``root``.
     """
 
     def __init__(self, mesh_path: Path, root: Path | None = None) -> None:
         self._root = (root or mesh_path.parent).resolve()
-        self._base = mesh_path.parent.resolve().relative_to(self._root).as_posix()
+        # A mesh named by itself may be a link: whoever named it meant it.
+        place = (mesh_path.resolve() if root is not None else mesh_path).parent.resolve()
+        if not place.is_relative_to(self._root):
+            raise InputError(f"{mesh_path} is a link out of {self._root}: copy the file there.")
+        self._base = place.relative_to(self._root).as_posix()
         self._owner = mesh_path.name
         self._base = "" if self._base == "." else self._base
 

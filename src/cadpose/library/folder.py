@@ -97,7 +97,7 @@ def folder_items(
                 id=f"{root.resolve().name or 'models'}/{relative}",
                 name=row.get("name") or path.stem,
                 category=_category(row.get("category") or category, relative),
-                container=str(path.resolve()),
+                container=str(root.resolve() / relative),
                 root=str(root.resolve()),
                 fingerprint=_fingerprint(path, stat.st_size, stat.st_mtime_ns),
                 R_s_from_file=tuple(float(x) for x in rotation.ravel()),

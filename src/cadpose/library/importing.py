@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import threading
@@ -23,6 +24,8 @@ from cadpose.library.loading import load_mesh, load_mesh_file
 from cadpose.library.normalise import normalise
 from cadpose.library.sampling import shape_descriptor
 from cadpose.library.storage import mesh_to_bytes, sha256_of, write_atomic
+
+log = logging.getLogger(__name__)
 
 IMPORT_VERSION = 2
 """Part of every fingerprint: raise it when the import of an unchanged file would give another mesh."""
@@ -141,6 +144,9 @@ def import_item(item: ImportItem, meshes: str) -> Imported:
         return Imported(item, problem=f"{item.id} needs more memory than there is.")
     except OSError as error:
         return Imported(item, problem=f"{item.id} cannot be stored ({error}).")
+    except Exception as error:  # one bad model never stops the others
+        log.debug("%s", item.id, exc_info=True)
+        return Imported(item, problem=f"{item.id} cannot be imported ({type(error).__name__}: {error}).")
 
 
 def _pool(workers: int) -> ProcessPoolExecutor:

@@ -58,8 +58,8 @@ def load_mesh_file(
     Raises:
         InputError: the file cannot be used; the message says why.
     """
-    data = read_capped(path, limits.file_bytes)
-    return load_mesh(data, path.name, FolderAssets(path, root), limits=limits, warn=warn)
+    assets = FolderAssets(path, root)
+    return load_mesh(read_capped(path, limits.file_bytes), path.name, assets, limits=limits, warn=warn)
 
 
 def load_mesh(

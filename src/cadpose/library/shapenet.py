@@ -86,7 +86,7 @@ def shapenet_items(
                     id=f"ShapeNetCore/{synset}/{folder.name}",
                     name=f"{label} {folder.name[:8]}",
                     category=category,
-                    container=str(mesh.resolve()),
+                    container=str(folder.resolve() / mesh.relative_to(folder)),
                     root=str(folder.resolve()),
                     fingerprint=_fingerprint(folder),
                     source=f"shapenet:{'v2' if mesh.parent != folder else 'v1'}",
