@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from cadpose.errors import LibraryError
 from cadpose.library import catalogue as catalogue_module
@@ -16,6 +17,7 @@ from cadpose.library.importing import ImportItem, mesh_path
 from cadpose.library.loading import load_mesh_file
 from cadpose.library.mesh import Mesh
 from cadpose.library.normalise import normalise
+from cadpose.library.sampling import farthest_points
 from cadpose.library.storage import mesh_from_file, mesh_to_bytes
 
 from .builders import CUBE_VERTICES, obj_box, png
@@ -241,6 +243,26 @@ def test_representatives(library: Library) -> None:
     assert [m.name for m in library.representatives("chair", 2)] == chosen[:2]
     with pytest.raises(LibraryError, match="no model of category 'car'"):
         library.representatives("car")
+
+
+def test_representatives_are_chosen_once_until_the_library_changes(
+    library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def counted(rows: NDArray[np.float32], count: int, least: float) -> list[int]:
+        asked.append(count)
+        return farthest_points(rows, count, least)
+
+    monkeypatch.setattr(catalogue_module, "farthest_points", counted)
+    first = library.representatives("chair", 3)
+    assert library.representatives("chair", 3) == first
+    assert asked == [3]
+    library.representatives("chair", 2)
+    assert asked == [3, 2]
+    library.remove([first[0].id])
+    assert first[0] not in library.representatives("chair", 3)
+    assert asked == [3, 2, 3]
 
 
 def test_stored_mesh_comes_back(tmp_path: Path) -> None:

@@ -82,6 +82,9 @@ class Library:
     path: Path
     cache_size: int = 16
     _meshes: OrderedDict[str, Mesh] = field(default_factory=OrderedDict, init=False, repr=False)
+    _representatives: dict[tuple[str, int], tuple[CadModel, ...]] = field(
+        default_factory=dict, init=False, repr=False
+    )
     _lock: Lock = field(default_factory=Lock, init=False, repr=False)
 
     @classmethod
@@ -200,13 +203,18 @@ class Library:
         Raises:
             LibraryError: the category has no model.
         """
+        known = self._representatives.get((category, count))
+        if known is not None:
+            return known
         models = self.models(category)
         if not models:
             raise LibraryError(
                 f"The library has no model of category {category!r}; it has {', '.join(self.categories())}."
             )
         rows = np.stack([self._descriptors[m.id] for m in models])
-        return tuple(models[i] for i in farthest_points(rows, count, _NEAR_DUPLICATE))
+        chosen = tuple(models[i] for i in farthest_points(rows, count, _NEAR_DUPLICATE))
+        self._representatives[category, count] = chosen
+        return chosen
 
     @property
     def digest(self) -> str:
@@ -348,6 +356,7 @@ class Library:
     def _forget(self) -> None:
         self.__dict__.pop("_models", None)
         self.__dict__.pop("_descriptors", None)
+        self._representatives.clear()
 
     def _close(self, cad_id: str) -> str:
         tail = cad_id.rsplit("/", 1)[-1].lower()
