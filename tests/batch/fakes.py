@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cadpose.batch.run import PhotoOutcome, annotate_photos
 from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
 from cadpose.pipeline import Annotator
 from cadpose.records import CadModel, Detection, Mask, Photo, Rotation, RotationHypothesis, Views
+from tests.small_library import save
 
 
 class FakeDetector:
@@ -70,3 +72,17 @@ def fake_annotator(library: Library | Path, **changes: Any) -> Annotator:
         "similarity": FakeSimilarity(),
     }
     return Annotator(library, **(stages | changes))
+
+
+def picture(path: Path, seed: int = 0) -> Path:
+    """A small grey photo."""
+    return save(path, np.full((60, 80, 3), 40 + 2 * seed, np.uint8))
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder."""
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def annotate_all(annotator: Annotator, photos: list[Path], out: Path, **kwargs: object) -> list[PhotoOutcome]:
+    return list(annotate_photos(annotator, photos, out, **kwargs))  # type: ignore[arg-type]

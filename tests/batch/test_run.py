@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
@@ -18,40 +17,12 @@ from cadpose.annotations.document import AnnotationDocument
 from cadpose.annotations.files import OutputPaths, write_atomic
 from cadpose.annotations.store import Store
 from cadpose.batch import outputs, run
-from cadpose.batch.run import PhotoOutcome, annotate_photos
 from cadpose.errors import CadposeError, DependencyError, InputError
 from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
 from cadpose.pipeline import Annotator
 from cadpose.records import Detection, Photo
-from tests.batch.fakes import FakeDetector, fake_annotator
-from tests.small_library import save
-
-
-@pytest.fixture
-def annotator(small_library: Library) -> Annotator:
-    return fake_annotator(small_library)
-
-
-@pytest.fixture
-def photos(tmp_path: Path) -> list[Path]:
-    return [picture(tmp_path / "photos" / f"{name}.png", seed) for seed, name in enumerate("abc")]
-
-
-def picture(path: Path, seed: int = 0) -> Path:
-    return save(path, np.full((60, 80, 3), 40 + 2 * seed, np.uint8))
-
-
-def files(folder: Path) -> dict[str, bytes]:
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-
-
-def of(paths: OutputPaths) -> list[Path]:
-    return [paths.json, paths.overlay, paths.candidates, paths.card]
-
-
-def annotate_all(annotator: Annotator, photos: list[Path], out: Path, **kwargs: object) -> list[PhotoOutcome]:
-    return list(annotate_photos(annotator, photos, out, **kwargs))  # type: ignore[arg-type]
+from tests.batch.fakes import FakeDetector, annotate_all, fake_annotator, files, picture
 
 
 def test_every_output_is_written_and_whole(annotator: Annotator, photos: list[Path], tmp_path: Path) -> None:
@@ -96,7 +67,7 @@ def test_a_photo_that_fails_does_not_stop_the_others(
     first, second, third = annotate_all(annotator, photos, tmp_path / "out")
     assert first.document is not None and third.document is not None
     assert second.document is None and str(photos[1]) in second.error
-    assert not any(p.exists() for p in of(second.paths))
+    assert not any(p.exists() for p in second.paths.all())
     index = (tmp_path / "out" / "index.html").read_text()
     assert "a.card.html" in index and "c.card.html" in index and "b.card.html" not in index
 
@@ -154,7 +125,7 @@ def test_a_photo_without_objects_is_done_too(
 ) -> None:
     (outcome,) = annotate_all(annotator, photos[:1], tmp_path / "out", detections=lambda photo: [])
     assert outcome.document is not None and not outcome.document.annotations
-    assert all(p.is_file() for p in of(outcome.paths))
+    assert all(p.is_file() for p in outcome.paths.all())
 
 
 # -- resume ----------------------------------------------------------------------------------------
@@ -201,65 +172,9 @@ def test_resume_does_again_what_is_not_whole(
     spoil(photos[0], first[0].paths)
     again = annotate_all(annotator, photos[:2], out, resume=True)
     assert [o.resumed for o in again] == [False, True]
-    assert all(p.is_file() for p in of(again[0].paths))
+    assert all(p.is_file() for p in again[0].paths.all())
     assert again[0].document is not None
     assert again[0].document.photo.sha256 == hashlib.sha256(photos[0].read_bytes()).hexdigest()
-
-
-# -- names -----------------------------------------------------------------------------------------
-
-
-def test_photos_of_one_stem_do_not_collide(annotator: Annotator, tmp_path: Path) -> None:
-    photos = [
-        picture(tmp_path / name, i)
-        for i, name in enumerate(("x/car.png", "y/car.png", "y/CAR.jpg", "bus.png"))
-    ]
-    outcomes = annotate_all(annotator, photos, tmp_path / "out")
-    assert len({p for o in outcomes for p in of(o.paths)}) == 16
-    for outcome in outcomes:
-        document = AnnotationDocument.from_json(outcome.paths.json.read_text())
-        assert document.photo.name == str(outcome.photo)
-    assert (tmp_path / "out" / "bus.json").is_file()
-
-
-def test_no_output_takes_the_place_of_a_photo(annotator: Annotator, tmp_path: Path) -> None:
-    photos = [picture(tmp_path / name, i) for i, name in enumerate(("car.png", "car.overlay.png"))]
-    before = files(tmp_path)
-    with pytest.raises(InputError, match=r"car\.overlay\.png is one of the photos"):
-        annotate_all(annotator, photos, tmp_path)
-    assert files(tmp_path) == before
-
-
-@pytest.mark.parametrize("way", ["dots", "link to the folder", "link to the photo"])
-def test_no_other_way_to_a_photo_hides_it(annotator: Annotator, tmp_path: Path, way: str) -> None:
-    folder = tmp_path / "photos"
-    photos = [picture(folder / name, i) for i, name in enumerate(("car.png", "car.overlay.png"))]
-    out = folder / ".." / "photos"
-    if way == "link to the folder":
-        out = tmp_path / "link"
-        out.symlink_to(folder)
-    elif way == "link to the photo":
-        out = tmp_path / "out"
-        out.mkdir()
-        (tmp_path / "other.png").symlink_to(photos[1].rename(out / "car.overlay.png"))
-        photos[1] = tmp_path / "other.png"
-    before = files(tmp_path)
-    with pytest.raises(InputError, match=r"car\.overlay\.png is one of the photos"):
-        annotate_all(annotator, photos, out)
-    assert files(tmp_path) == before
-
-
-def test_the_index_spares_a_photo_of_its_name(annotator: Annotator, tmp_path: Path) -> None:
-    photo = picture(tmp_path / "index.png").rename(tmp_path / "index.html")
-    with pytest.raises(InputError, match=r"index\.html is one of the photos"):
-        annotate_all(annotator, [photo], tmp_path)
-
-
-def test_outputs_beside_the_photos(annotator: Annotator, photos: list[Path]) -> None:
-    before = files(photos[0].parent)
-    annotate_all(annotator, photos, photos[0].parent)
-    after = files(photos[0].parent)
-    assert {name: after[name] for name in before} == before and len(after) == 3 + 13
 
 
 # -- store -----------------------------------------------------------------------------------------

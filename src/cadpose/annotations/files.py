@@ -9,7 +9,7 @@ import re
 import secrets
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,21 +95,38 @@ class OutputPaths:
 
 
 def output_paths(
-    photos: Iterable[str | os.PathLike[str]], folder: str | os.PathLike[str]
+    photos: Iterable[str | os.PathLike[str]],
+    folder: str | os.PathLike[str],
+    belongs_to_another: Callable[[Path, Path], bool] = lambda photo, document: False,
 ) -> list[OutputPaths]:
     """Paths in ``folder`` for every photo of a run, in order.
 
     A photo keeps its stem (``a/car.jpg`` gives ``car.json``). Photos of the run whose stems agree, upper
     and lower case being the same, get eight digits of their path's SHA-256 as well, so the names depend
     on the set of photos but not on its order. The same path given twice gets the same outputs.
+
+    Args:
+        photos: Their paths.
+        folder: Where the outputs will lie.
+        belongs_to_another: Told a photo and the document that would be its own, whether an earlier run
+            wrote that for another photo; the photo then gets the digits too.
     """
-    names = [os.path.normpath(os.fspath(photo)) for photo in photos]
-    shared = Counter(_safe_stem(name).casefold() for name in dict.fromkeys(names))
+    paths = [Path(photo) for photo in photos]
+    names = [os.path.normpath(path) for path in paths]
+    given = dict(zip(names, paths, strict=True))
+    out = Path(folder)
+    shared = Counter(_safe_stem(name).casefold() for name in given)
+    crowded = {
+        name
+        for name, photo in given.items()
+        if shared[(stem := _safe_stem(name)).casefold()] > 1
+        or belongs_to_another(photo, out / f"{stem}.json")
+    }
     chosen: dict[str, str] = {}
     taken: set[str] = set()
-    for name in sorted(set(names), key=lambda n: (shared[_safe_stem(n).casefold()] > 1, n)):
+    for name in sorted(given, key=lambda n: (n in crowded, n)):
         stem = _safe_stem(name)
-        if shared[stem.casefold()] > 1:
+        if name in crowded:
             digest = hashlib.sha256(name.encode(errors="surrogateescape")).hexdigest()
             stem, plain, digits = f"{stem}-{digest[:8]}", stem, 8
             while stem.casefold() in taken:
@@ -117,7 +134,6 @@ def output_paths(
                 stem = f"{plain}-{digest[:digits]}"
         taken.add(stem.casefold())
         chosen[name] = stem
-    out = Path(folder)
     return [
         OutputPaths(
             json=out / f"{stem}.json",

@@ -8,13 +8,15 @@ import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from os.path import normpath
 from pathlib import Path
 
 from PIL import Image
 
 from cadpose.annotations.card import GalleryEntry, gallery_entry, index_html
-from cadpose.annotations.document import AnnotationDocument
+from cadpose.annotations.document import MAX_CHARACTERS, AnnotationDocument
 from cadpose.annotations.files import OutputPaths, output_paths, spare_photos, write_atomic
+from cadpose.annotations.parts import plain_text
 from cadpose.annotations.store import Store
 from cadpose.batch.outputs import write_outputs
 from cadpose.errors import CadposeError, DependencyError, InputError
@@ -82,7 +84,7 @@ def annotate_photos(
         DependencyError: weights or programs are missing that every photo needs.
         CadposeError: ``out`` or the store cannot be written, or an output would replace a photo.
     """
-    planned = output_paths(photos, out)
+    planned = output_paths(photos, out, _belongs_to_another)
     spare_photos([out / "index.html", *(path for paths in planned for path in paths.all())], photos)
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -124,17 +126,45 @@ def _annotate(
 
 def _finished(photo: Path, paths: OutputPaths) -> tuple[PhotoOutcome, Image.Image] | None:
     """The outcome of an earlier run, with its overlay, if its document was made from these very bytes."""
-    try:
-        document = AnnotationDocument.from_json(paths.json.read_text(encoding="utf-8"), str(paths.json))
-        with photo.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        overlay = Image.open(io.BytesIO(paths.overlay.read_bytes())).convert("RGB")
-    except (OSError, InputError, UnicodeDecodeError):
+    document = _document(paths.json)
+    if document is None or document.photo.sha256 != _digest(photo):
         return None
-    whole = all(path.is_file() for path in (paths.candidates, paths.card))
-    if not whole or document.photo.sha256 != digest:
+    try:
+        overlay = Image.open(io.BytesIO(paths.overlay.read_bytes())).convert("RGB")
+    except OSError:
+        return None
+    if not all(path.is_file() for path in (paths.candidates, paths.card)):
         return None
     return PhotoOutcome(photo, document, paths, resumed=True), overlay
+
+
+def _belongs_to_another(photo: Path, path: Path) -> bool:
+    """Whether the document there tells of a photo of another name and of other bytes."""
+    document = _document(path)
+    if document is None or normpath(document.photo.name) == normpath(plain_text(str(photo))):
+        return False
+    return document.photo.sha256 != _digest(photo)
+
+
+def _document(path: Path) -> AnnotationDocument | None:
+    """The document there; None where there is none, or none that can be used."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            return AnnotationDocument.from_json(file.read(MAX_CHARACTERS + 1), str(path))
+    except (OSError, InputError, UnicodeDecodeError):
+        return None
+
+
+def _digest(photo: Path) -> str:
+    """SHA-256 of a photo's bytes; empty where they cannot be read."""
+    try:
+        # A pipe or a device would never end.
+        if not photo.is_file():
+            return ""
+        with photo.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return ""
 
 
 def _sweep(out: Path) -> None:
