@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cadpose.errors import InputError
+from cadpose.library import folder as folder_module
 from cadpose.library.assets import Archive
 from cadpose.library.catalogue import Library
 from cadpose.library.folder import folder_items
@@ -300,6 +301,50 @@ def test_folder_with_table(tmp_path: Path) -> None:
     # Front +x: the file's x becomes -z.
     assert np.allclose(np.array(thing.R_s_from_file).reshape(3, 3) @ [1, 0, 0], [0, 0, -1])
     assert len(problems) == 2
+
+
+def test_a_changed_material_or_texture_file_is_a_changed_model(tmp_path: Path) -> None:
+    root = tmp_path / "mine"
+    (root / "tex").mkdir(parents=True)
+    (root / "bed").mkdir()
+    material = "newmtl paint\nKd 1 0 0\n"
+    (root / "chair.obj").write_text(SQUARE.replace("square.mtl", "mats.mtl"))
+    (root / "mats.mtl").write_text(material)
+    (root / "tex" / "wood.png").write_bytes(png((1, 2, 3)))
+    (root / "gone.mtl").symlink_to(root / "nowhere.mtl")
+    (root / "bed" / "bed.obj").write_text(obj_box(1, 1, 2))
+    (root / "plain.stl").write_bytes(b"solid")
+
+    def prints() -> dict[str, str]:
+        return {i.id: i.fingerprint for i in folder_items(root)}
+
+    library = Library.create(tmp_path / "library")
+    library.add(folder_items(root)[:2])
+    first = prints()
+    assert prints() == first
+    (root / "mats.mtl").write_text(material.replace("1 0 0", "0 0 1") + "\n")
+    changed = prints()
+    assert {k for k in first if changed[k] != first[k]} == {"mine/chair.obj"}
+    report = library.add(folder_items(root)[:2])
+    assert (report.updated, report.unchanged) == (("mine/chair.obj",), ("mine/bed/bed.obj",))
+    assert library.mesh("mine/chair.obj").materials[0].rgba[:3] == (0.0, 0.0, 1.0)
+    (root / "tex" / "wood.png").write_bytes(png((1, 2, 3), (9, 9)))
+    assert prints()["mine/chair.obj"] != changed["mine/chair.obj"]
+    # Neither the table nor hidden files are parts of a model, and where the folder lies changes nothing.
+    before = prints()
+    (root / "models.csv").write_text("file,name\n")
+    (root / ".DS_Store").write_text("x")
+    root.rename(tmp_path / "moved")
+    assert [i.fingerprint for i in folder_items(tmp_path / "moved")] == list(before.values())
+
+
+def test_side_files_are_capped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folder_module, "_MOST_SIDE_FILES", 3)
+    for name in ("a.obj", "b.mtl", "c.mtl", "sub/d.png", "sub/e.png", "sub/more/f.png"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("x")
+    told = folder_module._side_files(tmp_path).splitlines()
+    assert [line.split(":")[0] for line in told] == ["./b.mtl", "./c.mtl", "sub/d.png"]
 
 
 def test_folder_errors(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import re
 from pathlib import Path
 
@@ -34,6 +35,8 @@ from cadpose.library.normalise import rotation_from_axes
 from cadpose.library.storage import sha256_of
 
 TABLE_NAME = "models.csv"
+_REFERRING = (".obj", ".gltf")
+_MOST_SIDE_FILES = 2000
 COLUMNS = ("file", "name", "category", "front", "up", "licence", "creator")
 _SPELLINGS = {"license": "licence", "path": "file", "class": "category", "author": "creator"}
 
@@ -83,6 +86,7 @@ def folder_items(
     general = rows.pop("*", {})
     paths = {f.relative_to(root).as_posix(): f for f in files}
     told += [f"{found}: {name} is listed but is not in {root}." for name in rows if name not in paths]
+    side_files: dict[Path, str] = {}
     items = []
     for relative, path in paths.items():
         row = general | {k: v for k, v in rows.get(relative, {}).items() if v}
@@ -91,7 +95,11 @@ def folder_items(
         except InputError as error:
             told.append(f"{relative}: {error}")
             continue
-        stat = path.stat()
+        beside = ""
+        if path.suffix.lower() in _REFERRING:
+            if path.parent not in side_files:
+                side_files[path.parent] = _side_files(path.parent)
+            beside = side_files[path.parent]
         items.append(
             ImportItem(
                 id=f"{root.resolve().name or 'models'}/{relative}",
@@ -99,7 +107,7 @@ def folder_items(
                 category=_category(row.get("category") or category, relative),
                 container=str(root.resolve() / relative),
                 root=str(root.resolve()),
-                fingerprint=_fingerprint(path, stat.st_size, stat.st_mtime_ns),
+                fingerprint=_fingerprint(path, beside),
                 R_s_from_file=tuple(float(x) for x in rotation.ravel()),
                 source=f"folder:{root.resolve().name}",
                 licence=row.get("licence") or licence,
@@ -109,14 +117,38 @@ def folder_items(
     return items
 
 
-def _fingerprint(path: Path, size: int, time_ns: int) -> str:
-    """The mesh's size and time, with those of the other files of its folder that it may refer to."""
-    told = [f"{path.name}:{size}:{time_ns}"]
-    if path.suffix.lower() in (".obj", ".gltf"):
-        for other in sorted(path.parent.glob(f"{path.stem}.*")):
-            stat = other.stat()
-            told.append(f"{other.name}:{stat.st_size}:{stat.st_mtime_ns}")
-    return sha256_of("\n".join(told).encode())
+def _fingerprint(path: Path, beside: str) -> str:
+    """The mesh's name, size and time, and what is known of the files that it may refer to."""
+    return sha256_of(f"{_stamp(path)}\n{beside}".encode())
+
+
+def _stamp(path: Path) -> str:
+    try:
+        stat = path.stat()
+    except OSError:  # a link to nothing, or gone meanwhile
+        return f"{path.name}:-"
+    return f"{path.name}:{stat.st_size}:{stat.st_mtime_ns}"
+
+
+def _side_files(folder: Path) -> str:
+    """Names, sizes and times of what meshes in a folder may refer to, `_MOST_SIDE_FILES` at most.
+
+    That is every file but meshes, the table and hidden ones, in the folder and its sub-folders without
+    meshes.
+    """
+    told: list[str] = []
+    for place, folders, names in os.walk(folder):
+        folders[:] = sorted(f for f in folders if not f.startswith("."))
+        meshes = [n for n in names if n.lower().endswith(MESH_SUFFIXES)]
+        if meshes and Path(place) != folder:
+            folders.clear()
+            continue
+        side = sorted(n for n in set(names).difference(meshes) if n != TABLE_NAME and not n.startswith("."))
+        within = Path(place).relative_to(folder).as_posix()
+        told += [f"{within}/{_stamp(Path(place, n))}" for n in side[: _MOST_SIDE_FILES - len(told)]]
+        if len(told) >= _MOST_SIDE_FILES:
+            break
+    return "\n".join(told)
 
 
 def _category(given: str | None, relative: str) -> str:
