@@ -72,7 +72,21 @@ def test_given_normals_are_kept_and_useless_ones_replaced() -> None:
 def test_relative_indices_count_from_where_they_stand() -> None:
     text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 5\nv 1 0 5\nv 0 1 5\nf -3 -2 -1\n"
     mesh = load_mesh(text.encode(), "t.obj", NoAssets())
-    assert sorted(mesh.vertices[mesh.faces][:, 0, 2].tolist()) == [0, 5]
+    assert sorted(mesh.vertices[mesh.faces][:, 0, 2].tolist()) == [-2.5, 2.5]
+
+
+def test_map_coordinates_keep_the_shape() -> None:
+    points = [(x, y, z) for x in (0, 1.3) for y in (0, 1) for z in (0, 2.2)]
+    near, far = (
+        load_mesh(
+            ("".join(f"v {x + east} {y} {z + north}\n" for x, y, z in points) + CUBE_FACES).encode(),
+            "house.obj",
+            NoAssets(),
+        )
+        for east, north in ((0, 0), (500_000, 5_400_000))
+    )
+    assert np.array_equal(near.faces, far.faces)
+    assert np.allclose(near.vertices, far.vertices, atol=1e-6)
 
 
 def test_degenerate_faces_are_dropped() -> None:
@@ -88,7 +102,7 @@ def test_texture_coordinates_and_colour(tmp_path: Path) -> None:
     assert material.texture is not None
     assert material.texture[0, 0].tolist() == [200, 40, 10]
     corner = mesh.vertices[mesh.faces]
-    assert np.allclose(corner[..., :2], mesh.corner_uv)
+    assert np.allclose(corner[..., :2] + 0.5, mesh.corner_uv)
 
 
 @pytest.mark.parametrize(
@@ -295,13 +309,16 @@ def test_counts_are_capped_before_parsing() -> None:
 
 
 def test_glb_colour_transform_and_mirror() -> None:
-    header, binary = triangle_gltf(nodes=[{"mesh": 0, "translation": [0, 0, 3], "scale": [-1, 1, 1]}])
+    moved = {"mesh": 0, "translation": [0, 0, 3], "scale": [-1, 1, 1]}
+    header, binary = triangle_gltf(nodes=[moved, {"mesh": 0}], scenes=[{"nodes": [0, 1]}])
     mesh = load_mesh(glb(header, binary), "t.glb", NoAssets())
-    assert mesh.bounds.tolist() == [[-2, 0, 3], [0, 1, 3]]
+    assert mesh.bounds.tolist() == [[-2, -0.5, -1.5], [2, 0.5, 1.5]]
+    corners = mesh.vertices[mesh.faces]
+    assert (corners[..., 0] * corners[..., 2] <= 0).all()
     # Linear 0.5 is 0.735 on the sRGB curve.
     assert mesh.materials[0].rgba == pytest.approx((0.7353569, 0.0, 1.0, 1.0), abs=1e-5)
-    a, b, c = mesh.vertices[mesh.faces[0]]
-    assert np.cross(b - a, c - a)[2] > 0
+    a, b, c = corners.swapaxes(0, 1)
+    assert (np.cross(b - a, c - a)[:, 2] > 0).all()
 
 
 def textured_gltf(image: bytes) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from cadpose.library.storage import mesh_to_bytes, sha256_of, write_atomic
 
 log = logging.getLogger(__name__)
 
-IMPORT_VERSION = 2
+IMPORT_VERSION = 3
 """Part of every fingerprint: raise it when the import of an unchanged file would give another mesh."""
 
 Progress = Callable[[int, int, str], None]

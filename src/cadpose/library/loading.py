@@ -53,7 +53,7 @@ def load_mesh_file(
         warn: Told of everything that was mended, without the file's name; by default it goes to the log.
 
     Returns:
-        The mesh in the file's axes and units.
+        The mesh in the file's axes and units, its bounding box centred at the origin.
 
     Raises:
         InputError: the file cannot be used; the message says why.

@@ -86,7 +86,7 @@ def colour_palette(part: Part, colours: NDArray[np.generic], linear: bool = Fals
 
 
 def assemble(parts: Sequence[Part], name: str, limits: Limits, warn: Callable[[str], None]) -> Mesh:
-    """One mesh of all parts: welded, degenerate faces dropped, normals and colours made sane.
+    """One mesh of all parts: welded, centred, degenerate faces dropped, normals and colours made sane.
 
     Raises:
         InputError: no face is left, a used vertex is not finite, an index is out of range, or too many.
@@ -109,6 +109,8 @@ def assemble(parts: Sequence[Part], name: str, limits: Limits, warn: Callable[[s
     if np.abs(all_vertices[all_faces]).max() > 1e12:
         raise InputError(f"{name} has vertices too far out to compute with.")
     vertices, faces = weld(all_vertices, all_faces)
+    # Map coordinates lie millions of metres out, where float32 steps are half a metre.
+    vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     _, area = face_normals(vertices, faces)
     diagonal = float(np.linalg.norm(vertices.max(axis=0) - vertices.min(axis=0)))
     keep = area > 1e-13 * diagonal**2
