@@ -188,14 +188,13 @@ class Studio:
     def load(self, header: dict[str, Any], arrays: dict[str, Any]) -> None:
         """Replace the mesh."""
         bpy = self.bpy
+        # Cycles knows a texture it has kept by its address. The old ones go only when the new ones are there,
+        # so that none of those takes an old one's place and is drawn with its pixels.
+        old = [(data, list(data)) for data in (bpy.data.materials, bpy.data.images)]
         if self.object is not None:
             mesh = self.object.data
             bpy.data.objects.remove(self.object)
             bpy.data.meshes.remove(mesh)
-            for material in list(bpy.data.materials):
-                bpy.data.materials.remove(material)
-            for image in list(bpy.data.images):
-                bpy.data.images.remove(image)
         vertices, faces = arrays["vertices"], arrays["faces"]
         mesh = bpy.data.meshes.new("mesh")
         mesh.vertices.add(len(vertices))
@@ -213,6 +212,9 @@ class Studio:
             mesh.materials.append(self._material(spec, arrays.get(f"texture{i}")))
         self.object = bpy.data.objects.new("object", mesh)
         self.scene.collection.objects.link(self.object)
+        for data, items in old:
+            for item in items:
+                data.remove(item)
 
     def _material(self, spec: dict[str, Any], texture: Any) -> Any:
         bpy = self.bpy
