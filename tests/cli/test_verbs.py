@@ -293,6 +293,7 @@ def test_evaluate_retrieval(small_library: Library, labels: Callable[..., Path],
     common = ["--library", small_library.path, "--gallery", gallery, "--rotation", "true"]
     result = cadpose("evaluate", "retrieval", labels({}, {"photo": "gone.png"}), *common, "--json")
     table = said(result)
+    assert result.exit_code == 1
     assert (table["n"], table["top1"], table["top3"], table["yield"]) == (1, 1.0, 1.0, 0.5)
     assert set(table["classes"]) == {"car"} and "gone.png" in result.stderr
     result = cadpose("evaluate", "retrieval", labels({}), *common)
@@ -304,11 +305,13 @@ def test_evaluate_when_nothing_can_be_evaluated(small_library: Library, labels: 
         arguments = ["evaluate", verb, labels({"photo": "gone.png"}), "--library", small_library.path]
         result = cadpose(*arguments, "--json")
         table = said(result)
+        assert result.exit_code == 1
         assert table["n"] == 0 and table["yield"] == 0.0
+        figure = "mederr" if verb == "rotation" else "top1"
+        assert table[figure] is None and table["classes"]["car"][figure] is None
         assert "gone.png" in result.stderr and result.stderr.count("\n") == 1
-        assert cadpose(
-            "evaluate", verb, labels({"photo": "gone.png"}), "--library", small_library.path
-        ).stdout
+        result = cadpose(*arguments)
+        assert result.exit_code == 1 and " - " in result.stdout and "180" not in result.stdout
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,10 @@ def rotation(
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
-    """Acc@30, Acc@10, median error and azimuth flips of the estimated rotation."""
+    """Acc@30, Acc@10, median error and azimuth flips of the estimated rotation.
+
+    Exit code 1: a photo failed; the others were evaluated.
+    """
     from cadpose.errors import CadposeError
     from cadpose.evaluation.labels import object_in_photo, read_labels
     from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
@@ -55,34 +58,34 @@ def rotation(
     table = rotation_table(results)
     if json:
         print_json(table)
-        return
-    rows = [
-        [
-            name,
-            str(row["n"]),
-            f"{row['yield']:.0%}",
-            f"{row['acc30']:.1%} [{row['acc30_interval'][0]:.1%}, {row['acc30_interval'][1]:.1%}]",
-            f"{row['acc10']:.1%}",
-            f"{row['mederr']:.1f}°",
-            f"{row['flips']:.1%}",
-        ]
-        for name, row in _rows(table)
-    ]
-    macro = table["macro"]
-    if macro:
-        rows.append(
+    else:
+        rows = [
             [
-                "macro mean",
-                "",
-                "",
-                f"{macro['acc30']:.1%}",
-                f"{macro['acc10']:.1%}",
-                f"{macro['mederr']:.1f}°",
-                f"{macro['flips']:.1%}",
+                name,
+                str(row["n"]),
+                f"{row['yield']:.0%}",
+                _share(row, "acc30"),
+                _share(row, "acc10"),
+                _degrees(row["mederr"]),
+                _share(row, "flips"),
             ]
-        )
-    columns = ["category", "photos", "yield", "Acc@30 [95 %]", "Acc@10", "MedErr", "flips"]
-    print_table("Rotation", columns, rows)
+            for name, row in _rows(table)
+        ]
+        if macro := table["macro"]:
+            rows.append(
+                [
+                    "macro mean",
+                    "",
+                    "",
+                    _share(macro, "acc30"),
+                    _share(macro, "acc10"),
+                    _degrees(macro["mederr"]),
+                    _share(macro, "flips"),
+                ]
+            )
+        columns = ["category", "photos", "yield", "Acc@30 [95 %]", "Acc@10", "MedErr", "flips"]
+        print_table("Rotation", columns, rows)
+    _exit(table)
 
 
 @app.command("retrieval")
@@ -104,7 +107,10 @@ def retrieval(
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
-    """How often the true CAD model is ranked first, among the first two and three."""
+    """How often the true CAD model is ranked first, among the first two and three.
+
+    Exit code 1: a photo failed; the others were evaluated.
+    """
     from cadpose.errors import CadposeError, InputError
     from cadpose.evaluation.labels import Label, object_in_photo, read_gallery, read_labels
     from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_table
@@ -142,25 +148,34 @@ def retrieval(
     table = retrieval_table(results)
     if json:
         print_json(table)
-        return
-    rows = [
-        [
-            name,
-            str(row["n"]),
-            *(
-                f"{row[k]:.1%} [{row[f'{k}_interval'][0]:.1%}, {row[f'{k}_interval'][1]:.1%}]"
-                for k in ("top1", "top2", "top3")
-            ),
-        ]
-        for name, row in _rows(table)
-    ]
-    if table["macro"]:
-        rows.append(["macro mean", "", *(f"{table['macro'][k]:.1%}" for k in ("top1", "top2", "top3"))])
-    print_table("CAD retrieval", ["category", "photos", "top-1 [95 %]", "top-2", "top-3"], rows)
+    else:
+        places = ("top1", "top2", "top3")
+        rows = [[name, str(row["n"]), *(_share(row, k) for k in places)] for name, row in _rows(table)]
+        if macro := table["macro"]:
+            rows.append(["macro mean", "", *(_share(macro, k) for k in places)])
+        print_table("CAD retrieval", ["category", "photos", "top-1 [95 %]", "top-2", "top-3"], rows)
+    _exit(table)
 
 
 def _rows(table: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     return [*table["classes"].items(), ("all", table)]
+
+
+def _share(row: dict[str, Any], key: str) -> str:
+    """A fraction of 1 in per cent, with its interval if it has one; a dash where no photo answered."""
+    if row[key] is None:
+        return "-"
+    interval = row.get(f"{key}_interval")
+    return f"{row[key]:.1%}" + (f" [{interval[0]:.1%}, {interval[1]:.1%}]" if interval else "")
+
+
+def _degrees(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}°"
+
+
+def _exit(table: dict[str, Any]) -> None:
+    if table["yield"] < 1.0:
+        raise typer.Exit(1)
 
 
 def _report_failures(failures: Sequence[tuple[str, str]]) -> None:

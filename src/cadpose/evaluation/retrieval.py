@@ -50,7 +50,8 @@ def evaluate_retrieval(
 def retrieval_table(results: Sequence[RetrievalResult]) -> dict[str, Any]:
     """``top1``, ``top2``, ``top3`` as fractions of 1 over the photos that gave a ranking.
 
-    With a Wilson 95 % interval each, a row a class under ``classes`` and their macro mean.
+    With a Wilson 95 % interval each, a row a class under ``classes`` and their macro mean. Where no photo
+    gave a ranking, all but ``n`` and ``yield`` are None.
     """
     classes = sorted({r.label.category for r in results})
     rows = {c: _row([r for r in results if r.label.category == c]) for c in classes}
@@ -67,6 +68,6 @@ def _row(results: Sequence[RetrievalResult]) -> dict[str, Any]:
     row: dict[str, Any] = {"n": n, "yield": n / len(results) if results else 0.0}
     for k in (1, 2, 3):
         hits = sum(r.rank is not None and r.rank <= k for r in answered)
-        row[f"top{k}"] = hits / n if n else 0.0
-        row[f"top{k}_interval"] = list(wilson_interval(hits, n))
+        row[f"top{k}"] = hits / n if n else None
+        row[f"top{k}_interval"] = list(wilson_interval(hits, n)) if n else None
     return row

@@ -67,7 +67,8 @@ def rotation_table(results: Sequence[RotationResult]) -> dict[str, Any]:
     """Overall figures, a row a class under ``classes``, and their macro mean.
 
     ``acc30``, ``acc10``, ``flips`` and ``yield`` are fractions of 1, ``mederr`` is in degrees.
-    Accuracies are over the photos that gave an answer; ``yield`` says how many did.
+    Accuracies are over the photos that gave an answer; ``yield`` says how many did. Where none did, all
+    but ``n`` and ``yield`` are None.
     """
     classes = sorted({r.label.category for r in results})
     rows = {c: _row([r for r in results if r.label.category == c]) for c in classes}
@@ -82,13 +83,12 @@ def _row(results: Sequence[RotationResult]) -> dict[str, Any]:
     errors = np.array([r.error for r in results if np.isfinite(r.error)])
     turns = np.array([r.azimuth_error for r in results if np.isfinite(r.error)])
     n = len(errors)
-    low, high = wilson_interval(int((errors <= 30).sum()), n)
     return {
         "n": n,
         "yield": n / len(results) if results else 0.0,
-        "acc30": float((errors <= 30).mean()) if n else 0.0,
-        "acc30_interval": [low, high],
-        "acc10": float((errors <= 10).mean()) if n else 0.0,
-        "mederr": float(np.median(errors)) if n else 180.0,
-        "flips": float((turns > FLIP_DEGREES).mean()) if n else 0.0,
+        "acc30": float((errors <= 30).mean()) if n else None,
+        "acc30_interval": list(wilson_interval(int((errors <= 30).sum()), n)) if n else None,
+        "acc10": float((errors <= 10).mean()) if n else None,
+        "mederr": float(np.median(errors)) if n else None,
+        "flips": float((turns > FLIP_DEGREES).mean()) if n else None,
     }
