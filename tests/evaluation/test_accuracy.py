@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from cadpose.errors import CadposeError
 from cadpose.evaluation.labels import Label, object_in_photo, read_gallery, read_labels
-from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_table
+from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_ranking, retrieval_table
 from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
 from cadpose.library.catalogue import Library
 from cadpose.pipeline import Annotator
@@ -40,13 +39,7 @@ def test_rotation_of_cars(bench: Path, annotator: Annotator) -> None:
 
 def test_retrieval_of_cars_at_the_true_rotation(bench: Path, annotator: Annotator) -> None:
     labels = read_labels(bench / "bench/cars/pairs.json", "car")[::5]
-    cads = [annotator.library.get(i) for i in read_gallery(bench / "bench/cars/gallery.json")]
-
-    def rank(label: Label) -> Sequence[str]:
-        photo, box = object_in_photo(label)
-        assert label.rotation is not None
-        return [c.cad.id for c in annotator.rank(photo, box, cads, [label.rotation])]
-
+    rank = retrieval_ranking(annotator, read_gallery(bench / "bench/cars/gallery.json"), "true")
     table = retrieval_table(evaluate_retrieval(labels, rank, CadposeError))
     assert table["n"] == len(labels) >= 25
     assert table["yield"] == 1.0

@@ -67,6 +67,15 @@ def test_one_category_may_be_chosen(tmp_path: Path) -> None:
         read_labels(path, "boat")
 
 
+def test_words_for_a_category_mean_it(tmp_path: Path) -> None:
+    words = ("motorcycle", "motorbike", "Motorcycles", "gizmo")
+    path = write(tmp_path, [GOOD | {"category": word} for word in words])
+    assert [label.category for label in read_labels(path)] == [*["motorbike"] * 3, "gizmo"]
+    for word in ("motorcycle", "motorbike"):
+        assert len(read_labels(path, word)) == 3
+    assert len(read_labels(path, "gizmo")) == 1
+
+
 @pytest.mark.parametrize(
     ("entry", "told"),
     [

@@ -112,8 +112,8 @@ def retrieval(
     Exit code 1: a photo failed; the others were evaluated.
     """
     from cadpose.errors import CadposeError, InputError
-    from cadpose.evaluation.labels import Label, object_in_photo, read_gallery, read_labels
-    from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_table
+    from cadpose.evaluation.labels import read_gallery, read_labels
+    from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_ranking, retrieval_table
 
     wanted = [label for label in read_labels(labels, category) if label.cad is not None]
     if not wanted:
@@ -126,22 +126,7 @@ def retrieval(
         similarity=similarity,
         renderer=renderer,
     )
-    chosen = None if gallery is None else [annotator.library.get(i) for i in read_gallery(gallery)]
-
-    def rank(label: Label) -> Sequence[str]:
-        photo, box = object_in_photo(label)
-        pool = annotator.library.representatives(label.category, candidates)
-        cads = pool if chosen is None else [c for c in chosen if c.category == label.category]
-        if not cads:
-            raise InputError(f"{gallery}: no CAD model of category {label.category!r}")
-        if rotation_from == "estimated":
-            turned = annotator.estimate_rotation(photo, box, label.category, cads)[0].rotation
-        elif label.rotation is not None:
-            turned = label.rotation
-        else:
-            raise InputError(f"{label.photo}: has no labelled rotation, use --rotation estimated")
-        return [c.cad.id for c in annotator.rank(photo, box, cads, [turned])]
-
+    rank = retrieval_ranking(annotator, None if gallery is None else read_gallery(gallery), rotation_from)
     with progress_bar("retrieval", len(wanted)) as bar:
         results = evaluate_retrieval(wanted, rank, CadposeError, lambda _: bar.advance(bar.tasks[0].id))
     _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason])

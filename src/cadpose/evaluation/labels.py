@@ -1,8 +1,8 @@
 """Label files: one JSON array of photographs with what is true of them.
 
-Each entry names a ``photo`` (relative to the label file), a ``category``, and as far as known ``box``
-[x0, y0, x1, y1] in pixels (default: the whole photo), ``cad`` (a library id), ``azimuth``,
-``elevation`` and ``inplane`` in degrees. Other keys are ignored.
+Each entry names a ``photo`` (relative to the label file), a ``category`` (or a word for it), and as far
+as known ``box`` [x0, y0, x1, y1] in pixels (default: the whole photo), ``cad`` (a library id),
+``azimuth``, ``elevation`` and ``inplane`` in degrees. Other keys are ignored.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
+from cadpose.library.class_map import category_from_name
 from cadpose.photos import read_photo
 from cadpose.records import Photo, Rotation
 
@@ -52,7 +53,7 @@ class Label:
 
 
 def read_labels(path: Path, category: str | None = None) -> list[Label]:
-    """Read a label file, optionally only one category.
+    """Read a label file, optionally only one category, which may be a word for it: "motorcycle".
 
     Raises:
         InputError: the file cannot be read, is not such an array, an entry is wrong, or nothing is left.
@@ -63,7 +64,8 @@ def read_labels(path: Path, category: str | None = None) -> list[Label]:
     if not entries:
         raise InputError(f"{path}: holds no label, add one object a photo")
     labels = [_label(entry, i, path) for i, entry in enumerate(entries)]
-    chosen = [label for label in labels if category is None or label.category == category]
+    wanted = None if category is None else _category(category)
+    chosen = [label for label in labels if wanted in (None, label.category)]
     if not chosen:
         found = ", ".join(sorted({label.category for label in labels}))
         raise InputError(f"{path}: no label of category {category!r}; it has {found}")
@@ -123,7 +125,7 @@ def _label(entry: Any, index: int, path: Path) -> Label:
     try:
         label = Label(
             photo=path.parent / entry["photo"],
-            category=entry["category"],
+            category=_category(entry["category"]),
             box=None if corners is None else Box(*(float(v) for v in corners)),
             cad=entry.get("cad"),
             **numbers,
@@ -133,6 +135,11 @@ def _label(entry: Any, index: int, path: Path) -> Label:
     except ValueError as error:
         raise InputError(f"{where}: {error}") from error
     return label
+
+
+def _category(word: str) -> str:
+    """The library category that a word means; a word of no known category stands for itself."""
+    return category_from_name(word) or word
 
 
 def _is_name(value: Any) -> bool:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
-from cadpose.evaluation.labels import Label
+from cadpose.errors import InputError
+from cadpose.evaluation.labels import Label, object_in_photo
 from cadpose.evaluation.statistics import macro_mean, wilson_interval
+from cadpose.pipeline import Annotator
+from cadpose.records import CadModel
+
+RotationFrom = Literal["true", "estimated"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +30,46 @@ class RetrievalResult:
     ranking: tuple[str, ...]
     rank: int | None
     reason: str = ""
+
+
+def retrieval_ranking(
+    annotator: Annotator, gallery: Sequence[str] | None, rotation_from: RotationFrom
+) -> Callable[[Label], list[str]]:
+    """What ranks CAD models for a label: the annotator, over a gallery, at a rotation.
+
+    Args:
+        annotator: Compares; estimates the rotation too where that is wanted.
+        gallery: Library ids, those of the label's category are the choice; None for the category's
+            representatives.
+        rotation_from: Compare at the labelled (``"true"``) or at the ``"estimated"`` rotation.
+
+    Returns:
+        From a label to CAD ids, best first. It raises CadposeError where the photo cannot be used, there
+        is no model of the category, or the label lacks its rotation.
+
+    Raises:
+        LibraryError: the library lacks a model of the gallery.
+    """
+    chosen = None if gallery is None else [annotator.library.get(cad) for cad in gallery]
+
+    def rank(label: Label) -> list[str]:
+        photo, box = object_in_photo(label)
+        cads: Sequence[CadModel]
+        if chosen is None:
+            cads = annotator.library.representatives(label.category, annotator.candidate_count)
+        else:
+            cads = [cad for cad in chosen if cad.category == label.category]
+        if not cads:
+            raise InputError(f"{label.photo}: the gallery has no CAD model of category {label.category!r}")
+        if rotation_from == "estimated":
+            rotation = annotator.estimate_rotation(photo, box, label.category, cads)[0].rotation
+        elif label.rotation is not None:
+            rotation = label.rotation
+        else:
+            raise InputError(f"{label.photo}: has no labelled rotation, use --rotation estimated")
+        return [candidate.cad.id for candidate in annotator.rank(photo, box, cads, [rotation])]
+
+    return rank
 
 
 def evaluate_retrieval(
