@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cadpose.errors import InputError
+from cadpose.library import loading as loading_module
 from cadpose.library.limits import DEFAULT_LIMITS
 from cadpose.library.loading import load_mesh, load_mesh_file
 from cadpose.library.mesh import Mesh
@@ -359,6 +360,36 @@ def test_gltf_materials_share_the_texture_without_its_alpha() -> None:
     textures = [m.texture for m in mesh.materials if m.texture is not None]
     assert sorted(t.shape[2] for t in textures) == [3, 3, 4]
     assert len({id(t) for t in textures}) == 2
+
+
+@pytest.mark.parametrize("separator", [" ", "\t", " \\\n", " \\\r\n", "\u2028", " \x0b"])
+def test_corners_of_one_face_are_counted_before_parsing(
+    separator: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("parsed")
+
+    monkeypatch.setattr(loading_module, "load_obj", never)
+    few = replace(DEFAULT_LIMITS, faces=3)
+    points = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+    long = "1/1/1 2/2/2 3/3/3 " * 500
+    # Six corners are four triangles; faces of three corners in lines of their own count too.
+    for faces in (
+        "f " + separator.join("123123"),
+        "f 1 2 3\n" * 4,
+        "  f 1 2 -1\r" * 4,
+        "f 1 2 3\nf 1 2 3 1 2",
+        "f " + long,
+    ):
+        with pytest.raises(InputError, match="more than the 3 faces"):
+            load_mesh((points + faces).encode(), "c.obj", NoAssets(), limits=few)
+    with pytest.raises(InputError, match="parsed"):
+        load_mesh((points + "f " + separator.join("12312")).encode(), "c.obj", NoAssets(), limits=few)
+
+
+def test_old_line_endings_and_continued_lines() -> None:
+    for text in (CUBE.replace("\n", "\r"), CUBE.replace("\n", "\r\n"), CUBE.replace(" 4 3\n", " \\\n4 3\n")):
+        assert len(load_mesh(text.encode(), "c.obj", NoAssets()).faces) == 12
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import logging
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,25 @@ def load_mesh(
         raise InputError(f"{name} is damaged or no {suffix[1:]} file ({reason}).") from error
 
 
+_FACE_LINE = re.compile(r"^[^\S\n]*f[^\n]*", re.MULTILINE)
+_WORD = re.compile(r"\S+")
+
+
+def _more_triangles_than(most: int, text: str) -> bool:
+    """Whether the faces fan out to more triangles; a line of millions of corners is never split whole."""
+    total = 0
+    for match in _FACE_LINE.finditer(text):
+        start, end = match.span()
+        if end - start < 4096:
+            words = len(match[0].split())
+        else:
+            words = sum(1 for _ in islice(_WORD.finditer(text, start, end), most - total + 4))
+        total += max(words - 3, 1)
+        if total > most:
+            return True
+    return False
+
+
 class _Materials(dict[str, bytes]):
     """Answers every name that trimesh asks for with one material file of bare names."""
 
@@ -121,11 +141,13 @@ def _obj_parts(
 ) -> list[Part]:
     if b"\0" in data[:4096]:
         raise InputError(f"{name} is not an OBJ file: it holds binary data.")
-    if data.count(b"\nf") > limits.faces:
-        raise InputError(f"{name} has more than the {limits.faces} faces allowed.")
     if data.count(b"\nv ") > limits.vertices:
         raise InputError(f"{name} has more than the {limits.vertices} vertices allowed.")
-    text = data.decode("utf-8", errors="replace")
+    # Every line ending and continuation is made plain first: the counts hold for what trimesh will see.
+    text = data.decode("utf-8", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    text = text.replace("\\\n", "")
+    if _more_triangles_than(limits.faces, text):
+        raise InputError(f"{name} has more than the {limits.faces} faces allowed.")
     if not re.search(r"^f[ \t]", text, re.MULTILINE):
         raise InputError(f"{name} has no faces; only surfaces can be drawn.")
     # The statement "v nan 0 0" would make trimesh drop the vertices in silence.
@@ -175,7 +197,7 @@ def _split_by_coordinates(text: str) -> str:
         return text
     lines: list[str] = []
     material, plain = "none", False
-    for line in text.splitlines():
+    for line in text.split("\n"):
         if line.startswith("usemtl"):
             material, plain = line[6:].strip() or "none", False
         elif line.startswith("f"):
@@ -192,7 +214,7 @@ def _absolute_indices(text: str) -> str:
     if not re.search(r"^[ \t]*f[ \t].*-\d", text, re.MULTILINE):
         return text
     seen = {"v": 0, "vt": 0, "vn": 0}
-    lines = text.splitlines()
+    lines = text.split("\n")
     for i, line in enumerate(lines):
         words = line.split()
         if not words:
