@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -192,6 +193,27 @@ def test_damage_is_found(library: Library) -> None:
         with pytest.raises(LibraryError, match="add the model again"):
             library.mesh(model)
     assert library.mesh(third)
+
+
+def test_errors_name_the_model_and_the_log_its_path(
+    library: Library, caplog: pytest.LogCaptureFixture
+) -> None:
+    first, second, third = library.models()[:3]
+    paths = [mesh_path(library.path / "meshes", m.sha256) for m in (first, second, third)]
+    paths[0].unlink()
+    paths[1].write_bytes(b"no mesh")
+    with zipfile.ZipFile(paths[2], "w") as archive:
+        archive.writestr("other.npy", b"")
+    caplog.set_level("DEBUG", logger="cadpose.library.storage")
+    for model, path in zip((first, second, third), paths, strict=True):
+        with pytest.raises(LibraryError) as caught:
+            library.mesh(model)
+        assert str(caught.value).startswith(f"{model.id}: The mesh file is missing or damaged (")
+        assert str(library.path) not in str(caught.value)
+        assert str(path) in caplog.messages
+    with pytest.raises(LibraryError) as caught:
+        library.get("unknown")
+    assert str(library.path) not in str(caught.value)
 
 
 def test_a_missing_mesh_is_imported_again(library: Library, items: list[ImportItem]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import io
+import logging
 import os
 import sqlite3
 from collections import OrderedDict
@@ -24,6 +25,8 @@ from cadpose.library.mesh import Mesh
 from cadpose.library.sampling import farthest_points, sample_surface
 from cadpose.library.storage import mesh_from_file, sha256_of, write_atomic
 from cadpose.records import CadModel
+
+log = logging.getLogger(__name__)
 
 INDEX = "index.sqlite"
 _SCHEMA = 1
@@ -146,7 +149,8 @@ class Library:
         """
         found = self._models.get(cad_id)
         if found is None:
-            raise LibraryError(f"There is no CAD model {cad_id!r} in {self.path}{self._close(cad_id)}.")
+            log.debug("no model %r in %s", cad_id, self.path)
+            raise LibraryError(f"There is no CAD model {cad_id!r} in the library{self._close(cad_id)}.")
         return found
 
     def mesh(self, cad: CadModel | str) -> Mesh:
@@ -161,7 +165,11 @@ class Library:
             if model.sha256 in self._meshes:
                 self._meshes.move_to_end(model.sha256)
             else:
-                self._meshes[model.sha256] = mesh_from_file(mesh_path(self._mesh_folder, model.sha256))
+                try:
+                    mesh = mesh_from_file(mesh_path(self._mesh_folder, model.sha256))
+                except LibraryError as error:
+                    raise LibraryError(f"{model.id}: {error}") from error
+                self._meshes[model.sha256] = mesh
                 while len(self._meshes) > self.cache_size:
                     self._meshes.popitem(last=False)
             return self._meshes[model.sha256]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import logging
 import os
 import tempfile
 import zipfile
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 from cadpose.errors import LibraryError
 from cadpose.library.mesh import Material, Mesh
 from cadpose.library.textures import decode_stored, encode_texture
+
+log = logging.getLogger(__name__)
 
 FORMAT = 1
 
@@ -57,13 +60,14 @@ def mesh_from_file(path: Path) -> Mesh:
     """What `mesh_to_bytes` wrote.
 
     Raises:
-        LibraryError: the file is missing, damaged or of another format.
+        LibraryError: the file is missing, damaged or of another format; the message leaves it to the
+            caller to name the model.
     """
     try:
         with np.load(path, allow_pickle=False) as data:
             header = json.loads(data["header"].tobytes())
             if header["format"] != FORMAT:
-                raise LibraryError(f"{path} has format {header['format']}; add the model again.")
+                raise LibraryError(f"The mesh file has format {header['format']}; add the model again.")
             images = {
                 slot: decode_stored(data[f"texture{slot}"].tobytes())
                 for slot in {m["texture"] for m in header["materials"]}
@@ -87,7 +91,10 @@ def mesh_from_file(path: Path) -> Mesh:
     except LibraryError:
         raise
     except (OSError, KeyError, ValueError, IndexError, EOFError, TypeError, zipfile.BadZipFile) as error:
-        raise LibraryError(f"{path} is missing or damaged ({error}); add the model again.") from error
+        log.debug("%s", path, exc_info=True)
+        # Errors of the system name the path, which has no place in results that are passed on.
+        reason = error.strerror or type(error).__name__ if isinstance(error, OSError) else error
+        raise LibraryError(f"The mesh file is missing or damaged ({reason}); add the model again.") from error
 
 
 def sha256_of(data: bytes) -> str:
