@@ -37,6 +37,7 @@ def test_the_limits_are_those_of_the_program() -> None:
         f"{limits.file_bytes // MIB} MiB",
         f"{limits.faces:,}",
         f"{limits.vertices:,}",
+        f"{limits.materials:,}",
         f"{limits.textures}",
         f"{limits.texture_bytes // MIB} MiB",
         f"{limits.texture_pixels:,}",

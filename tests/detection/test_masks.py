@@ -58,7 +58,7 @@ def test_box_that_fills_the_photo(box: Box) -> None:
 
 def test_one_colour_gives_the_ellipse_or_the_box_and_never_nothing(caplog: pytest.LogCaptureFixture) -> None:
     photo = Photo(rgb=np.full((100, 100, 3), 128, np.uint8))
-    with caplog.at_level(logging.INFO):
+    with caplog.at_level(logging.INFO, logger="cadpose"):
         mask = GrabCutMasks().mask(photo, Box(20, 20, 80, 60))
     share = mask[20:60, 20:80].mean()
     assert share == pytest.approx(1.0) or (

@@ -76,3 +76,15 @@ def write_sh3f(path: Path, models: list[dict[str, str]], files: dict[str, bytes]
         archive.writestr("PluginFurnitureCatalog.properties", "\n".join(lines).encode("latin-1"))
         for name, content in files.items():
             archive.writestr(name, content)
+
+
+class NoAssets:
+    def read(self, name: str, limit: int) -> bytes | None:
+        return None
+
+
+def write(folder: Path, **files: str | bytes) -> Path:
+    for name, content in files.items():
+        path = folder / name.replace("__", ".")
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return folder

@@ -11,7 +11,7 @@ from cadpose.library.loading import load_mesh
 from cadpose.library.normalise import AXES, normalise, rotation_from_axes
 
 from .builders import obj_box
-from .test_loading import NoAssets
+from .builders import NoAssets
 
 
 @given(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from platformdirs import user_data_dir
 
 from cadpose.errors import LibraryError
-from cadpose.library.importing import Imported, ImportItem, Progress, import_all, mesh_path
+from cadpose.library.importing import AddReport, Imported, ImportItem, Progress, import_all, mesh_path
 from cadpose.library.mesh import Mesh
 from cadpose.library.sampling import farthest_points, sample_surface
 from cadpose.library.storage import mesh_from_file, sha256_of, write_atomic
@@ -52,25 +52,6 @@ def default_path() -> Path:
     """``$CADPOSE_LIBRARY``, else the user's data folder."""
     told = os.environ.get("CADPOSE_LIBRARY")
     return Path(told).expanduser() if told else Path(user_data_dir("cadpose")) / "library"
-
-
-@dataclass(frozen=True, slots=True)
-class AddReport:
-    """What `Library.add` did, by model id.
-
-    Attributes:
-        added: New models.
-        updated: Models whose source or description had changed.
-        unchanged: Models that were there already.
-        failed: (id, reason) of models that cannot be used.
-        warnings: What was mended in the others.
-    """
-
-    added: tuple[str, ...] = ()
-    updated: tuple[str, ...] = ()
-    unchanged: tuple[str, ...] = ()
-    failed: tuple[tuple[str, str], ...] = ()
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(eq=False)

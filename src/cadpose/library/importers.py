@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from cadpose.errors import InputError
-from cadpose.library.catalogue import AddReport, Library
+from cadpose.library.catalogue import Library
 from cadpose.library.folder import folder_items
-from cadpose.library.importing import ImportItem, Progress
+from cadpose.library.importing import AddReport, ImportItem, Progress
 from cadpose.library.shapenet import is_shapenet, shapenet_items
 from cadpose.library.sweethome3d import sweethome3d_items
 

@@ -99,6 +99,25 @@ class Imported:
     warnings: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class AddReport:
+    """What `Library.add` did, by model id.
+
+    Attributes:
+        added: New models.
+        updated: Models whose source or description had changed.
+        unchanged: Models that were there already.
+        failed: (id, reason) of models that cannot be used.
+        warnings: What was mended in the others.
+    """
+
+    added: tuple[str, ...] = ()
+    updated: tuple[str, ...] = ()
+    unchanged: tuple[str, ...] = ()
+    failed: tuple[tuple[str, str], ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
 @lru_cache(maxsize=4)
 def _archive(path: str, stamp: tuple[int, int]) -> Archive:
     return Archive(Path(path))
