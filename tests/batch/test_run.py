@@ -86,7 +86,7 @@ def test_whatever_a_photo_brings_to_light_the_others_go_on(
                 raise error
             return super().detect(photo)
 
-    with caplog.at_level(logging.DEBUG):
+    with caplog.at_level(logging.DEBUG, logger="cadpose"):
         outcomes = annotate_all(fake_annotator(small_library, detector=Broken()), photos, tmp_path / "out")
     assert [bool(o.error) for o in outcomes] == [False, True, False]
     assert outcomes[1].error.startswith(f"{photos[1]}: cannot be annotated ({type(error).__name__}")

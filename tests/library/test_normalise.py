@@ -10,8 +10,7 @@ from cadpose.errors import InputError
 from cadpose.library.loading import load_mesh
 from cadpose.library.normalise import AXES, normalise, rotation_from_axes
 
-from .builders import obj_box
-from .builders import NoAssets
+from .builders import NoAssets, obj_box
 
 
 @given(
