@@ -68,7 +68,7 @@ def read_photo(path: Path | str) -> Photo:
             image = Image.open(io.BytesIO(data), formats=_known_formats())
     except Image.DecompressionBombError:
         raise InputError(_too_many_pixels(name, "more than 170")) from None
-    except Exception:
+    except Exception:  # Pillow's readers of headers raise anything at all on hostile bytes
         raise InputError(
             f"{name} is not a photo that can be read: save it as JPEG, PNG, WebP or TIFF."
         ) from None
@@ -267,7 +267,7 @@ def _upright(image: Image.Image) -> Image.Image:
     """EXIF orientation applied; a broken EXIF block counts as none."""
     try:
         image.getexif()
-    except Exception:
+    except Exception:  # as above: the photo is used as it lies in the file
         return image
     return ImageOps.exif_transpose(image)
 
