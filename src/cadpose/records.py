@@ -106,21 +106,29 @@ class RotationHypothesis:
     Attributes:
         rotation: The three angles.
         score: Higher is better; comparable within one photo only.
-        probability: Share of this hypothesis among those returned, in [0, 1]; not calibrated.
+        probability: Chance that the rotation is within 30° of the true one, in [0, 1]. Calibrated where
+            the estimator is (``"embedded"``), else the share of this hypothesis among those returned.
+        expected_error: Expected angle to the true rotation in degrees, None if the estimator tells none.
+        needs_review: Whether a person should look before the answer is used.
 
     Raises:
-        ValueError: the score is not finite or the probability is outside [0, 1].
+        ValueError: the score is not finite, the probability is outside [0, 1] or the expected error
+            outside [0, 180].
     """
 
     rotation: Rotation
     score: float
     probability: float = 0.0
+    expected_error: float | None = None
+    needs_review: bool = False
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.score):
             raise ValueError(f"hypothesis score {self.score} must be finite")
         if not 0.0 <= self.probability <= 1.0 + 1e-9:
             raise ValueError(f"hypothesis probability {self.probability} is outside [0, 1]")
+        if self.expected_error is not None and not 0.0 <= self.expected_error <= 180.0:
+            raise ValueError(f"hypothesis expected error {self.expected_error} is outside [0, 180] degrees")
 
 
 @dataclass(frozen=True, eq=False)
