@@ -12,9 +12,10 @@ from cadpose.errors import DependencyError
 from cadpose.geometry.angles import rotation_from_angles
 from cadpose.geometry.camera import Cameras
 from cadpose.library.mesh import Material
-from cadpose.rendering import blender, blender_worker, shading
+from cadpose.rendering import blender, blender_worker
 from cadpose.rendering.blender import BlenderRenderer, blender_python
 from cadpose.rendering.blender_worker import read_exr, read_message, to_linear, to_srgb, write_message
+from cadpose.rendering.lights import STUDIO
 from cadpose.rendering.raster import Rasteriser
 from tests.rendering.shapes import QUAD_UV, cube, front_camera, mesh_of, quad, sphere
 
@@ -96,9 +97,9 @@ def test_other_exr_files_are_refused() -> None:
 
 
 def test_the_worker_has_the_rasteriser_s_lights() -> None:
-    assert blender_worker.KEY == shading._KEY
-    assert blender_worker.FILL == shading._FILL
-    assert blender_worker.AMBIENT == shading._AMBIENT
+    assert (*STUDIO.key, STUDIO.key_strength) == blender_worker.KEY
+    assert (*STUDIO.fill, STUDIO.fill_strength) == blender_worker.FILL
+    assert STUDIO.ambient == blender_worker.AMBIENT
 
 
 def test_without_blender_the_error_says_how_to_get_it(

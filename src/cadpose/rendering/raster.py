@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import threading
+from hashlib import sha256
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from cadpose.geometry.camera import Cameras
+from cadpose.geometry.frames import FloatArray
 from cadpose.library.mesh import Mesh
 from cadpose.records import Views
+from cadpose.rendering.lights import STUDIO, Lights
 from cadpose.rendering.scene import Scene, build_scene
 from cadpose.rendering.shading import find_visible, prepare, shade
 from cadpose.rendering.unsnapped import draw_general
@@ -27,16 +30,21 @@ class Rasteriser:
 
     Args:
         supersample: Visibility samples a pixel along each axis, 1 to 4; each face is shaded once a pixel.
+        lights: The light.
 
     Raises:
         ValueError: ``supersample`` is out of range.
     """
 
-    def __init__(self, supersample: int = 2) -> None:
+    def __init__(self, supersample: int = 2, lights: Lights = STUDIO) -> None:
         if not 1 <= supersample <= 4:
             raise ValueError(f"supersample must be 1 to 4, got {supersample}")
         self.supersample = supersample
+        self.lights = lights
         self.name = f"raster-{supersample}x{supersample}"
+        if lights != STUDIO:
+            # Part of the key of what is kept: what is lit otherwise looks otherwise.
+            self.name += "-" + sha256(lights.packed().tobytes()).hexdigest()[:8]
         self._scenes: WeakKeyDictionary[Mesh, Scene] = WeakKeyDictionary()
         self._local = threading.local()
 
@@ -50,19 +58,24 @@ class Rasteriser:
             ValueError: the mesh has more than 16.7 million faces, or the image is wider or higher than
                 16384 samples.
         """
+        return self.render_scene(self.scene(mesh), cameras)
+
+    def render_scene(self, scene: Scene, cameras: Cameras, lights: Lights | None = None) -> Views:
+        """As :meth:`render`, of a scene that was laid out (and perhaps changed) before, in its own light."""
         ss = self.supersample
         n, height, width = len(cameras), cameras.height, cameras.width
         if max(width, height) * ss > 16384:
             raise ValueError(f"{width} x {height} pixels are too many to draw: 16384 samples a side at most")
-        scene = self._scene(mesh)
+        light = (lights or self.lights).packed()
         rgb = np.zeros((n, height, width, 3), np.uint8)
         alpha = np.zeros((n, height, width), np.uint8)
         depth = np.full((n, height, width), np.inf, np.float32)
         for i in range(n):
-            self._view(scene, cameras, i, rgb[i], alpha[i], depth[i])
+            self._view(scene, cameras, i, light, rgb[i], alpha[i], depth[i])
         return Views(rgb=rgb, alpha=alpha, depth=depth)
 
-    def _scene(self, mesh: Mesh) -> Scene:
+    def scene(self, mesh: Mesh) -> Scene:
+        """The mesh laid out for drawing, made once."""
         scene = self._scenes.get(mesh)
         if scene is None:
             scene = self._scenes[mesh] = build_scene(mesh)
@@ -73,6 +86,7 @@ class Rasteriser:
         scene: Scene,
         cameras: Cameras,
         i: int,
+        light: FloatArray,
         rgb: np.ndarray[tuple[int, ...], np.dtype[np.uint8]],
         alpha: np.ndarray[tuple[int, ...], np.dtype[np.uint8]],
         depth: np.ndarray[tuple[int, ...], np.dtype[np.float32]],
@@ -126,7 +140,7 @@ class Rasteriser:
         prepare(
             visible, count, scene.faces, scene.vertices, R, t, focal, cx, cy, scene.normals, scene.uv,
             scene.uv_area, scene.look, scene.material, scene.rgba, scene.material_levels, scene.levels,
-            planes,
+            light, planes,
         )  # fmt: skip
         shade(
             x0, y0, x1, y1, ss, words, glass, has_glass, planes, scene.levels, scene.texels,

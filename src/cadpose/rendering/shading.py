@@ -1,7 +1,7 @@
 """What colour a pixel has: deferred shading of the faces that visibility found, compiled by numba.
 
-Light is camera-fixed: a key from the upper left, a weaker fill from the right and an ambient term that is
-brighter from above. Intensities add in linear light; as sRGB is nearly a square root, the colour on the
+Light is camera-fixed: a key, a weaker fill and an ambient term that is brighter from above (lights.py).
+Intensities add in linear light; as sRGB is nearly a square root, the colour on the
 display is the material's display colour times the square root of the intensity. Normals count on both
 sides: they are turned to the side from which the face is seen.
 """
@@ -28,21 +28,16 @@ Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
-# Directions towards the lights in the camera frame (x right, y down, z forward), and their strength.
-_KEY = (-0.48, -0.62, -0.62, 0.72)
-_FILL = (0.80, -0.15, -0.58, 0.22)
-_AMBIENT = 0.26
 _PAIR = 0x00FF00FF
 _PER_TEXEL = 1.0 / (256 * 255)
-_SKY = 0.10  # share of the ambient term that depends on how far the normal points up
 
 
 @kernel
-def _intensity(x: float, y: float, z: float, lights: Doubles) -> float:
+def _intensity(x: float, y: float, z: float, lights: Doubles, ambient: float) -> float:
     key = x * lights[0, 0] + y * lights[0, 1] + z * lights[0, 2]
     fill = x * lights[1, 0] + y * lights[1, 1] + z * lights[1, 2]
     up = x * lights[2, 0] + y * lights[2, 1] + z * lights[2, 2]
-    return math.sqrt(_AMBIENT + up + max(key, 0.0) + max(fill, 0.0))
+    return math.sqrt(ambient + up + max(key, 0.0) + max(fill, 0.0))
 
 
 @kernel
@@ -130,6 +125,7 @@ def prepare(
     rgba: Floats,
     material_levels: Ints,
     levels: Ints,
+    light: Doubles,
     planes: Doubles,
 ) -> None:
     """What the pixels of each visible face share.
@@ -138,13 +134,14 @@ def prepare(
     the image: [0:3] sum of the corner weights, [3:6] light, [6] determinant (z = determinant / sum), [7:9]
     bounds of the sum, [9:11] bounds of the light, [11:15] colour and opacity, [15] mip level of
     the texture, -1 without, [16:19] u, [19:22] v. What every face needs lies in one cache line.
+    ``light`` (10,) is Lights.packed.
     """
     lights = np.empty((3, 3))
     for j in range(3):
         # Into the object frame, where the normals are.
-        lights[0, j] = _KEY[3] * (_KEY[0] * R[0, j] + _KEY[1] * R[1, j] + _KEY[2] * R[2, j])
-        lights[1, j] = _FILL[3] * (_FILL[0] * R[0, j] + _FILL[1] * R[1, j] + _FILL[2] * R[2, j])
-        lights[2, j] = -_SKY * R[1, j]
+        lights[0, j] = light[3] * (light[0] * R[0, j] + light[1] * R[1, j] + light[2] * R[2, j])
+        lights[1, j] = light[7] * (light[4] * R[0, j] + light[5] * R[1, j] + light[6] * R[2, j])
+        lights[2, j] = -light[9] * R[1, j]
     for i in range(count):
         f = visible[i]
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -169,13 +166,13 @@ def prepare(
         planes[i, 8] = det / max(min(az, min(bz, qz)), 1e-3)
         bits = look[f]
         x, y, z = side * normals[f, 0, 0], side * normals[f, 0, 1], side * normals[f, 0, 2]
-        ga = _intensity(x, y, z, lights)
+        ga = _intensity(x, y, z, lights, light[8])
         gb, gc = ga, ga
         if bits & _SMOOTH:
             x, y, z = side * normals[f, 1, 0], side * normals[f, 1, 1], side * normals[f, 1, 2]
-            gb = _intensity(x, y, z, lights)
+            gb = _intensity(x, y, z, lights, light[8])
             x, y, z = side * normals[f, 2, 0], side * normals[f, 2, 1], side * normals[f, 2, 2]
-            gc = _intensity(x, y, z, lights)
+            gc = _intensity(x, y, z, lights, light[8])
         planes[i, 3] = ga * wax + gb * wbx + gc * wcx
         planes[i, 4] = ga * way + gb * wby + gc * wcy
         planes[i, 5] = ga * wac + gb * wbc + gc * wcc
