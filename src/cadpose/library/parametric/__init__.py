@@ -1,1 +1,1 @@
-"""Models made by formula: believable, varied, coloured shapes for categories of which a library has too few."""
+"""Models made by formula: varied, coloured shapes for categories of which a library has too few."""
