@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cadpose.datasets.labels import read_labels
 from cadpose.detection.coco_json import FileDetector
-from cadpose.evaluation.labels import read_labels
 from cadpose.geometry.boxes import Box
 from cadpose.library.folder import folder_items
 from cadpose.records import Photo, Rotation

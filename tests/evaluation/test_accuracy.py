@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from cadpose.datasets.labels import Label, object_in_photo, read_gallery, read_labels
 from cadpose.errors import CadposeError
-from cadpose.evaluation.labels import Label, object_in_photo, read_gallery, read_labels
 from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_ranking, retrieval_table
 from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
 from cadpose.library.catalogue import Library

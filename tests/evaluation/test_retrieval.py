@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from cadpose.datasets.labels import Label
 from cadpose.errors import CadposeError, LibraryError
-from cadpose.evaluation.labels import Label
 from cadpose.evaluation.retrieval import RetrievalResult, evaluate_retrieval, retrieval_table
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from cadpose.datasets.labels import Label, read_labels
 from cadpose.errors import InputError, LibraryError
-from cadpose.evaluation.labels import Label, read_labels
 from cadpose.evaluation.retrieval import retrieval_ranking
 from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from cadpose.datasets.labels import Label
 from cadpose.errors import CadposeError, InputError
-from cadpose.evaluation.labels import Label
 from cadpose.evaluation.rotation import (
     RotationResult,
     evaluate_rotation,

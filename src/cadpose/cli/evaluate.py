@@ -41,8 +41,8 @@ def rotation(
 
     Exit code 1: a photo failed; the others were evaluated.
     """
+    from cadpose.datasets.labels import object_in_photo, read_labels
     from cadpose.errors import CadposeError
-    from cadpose.evaluation.labels import object_in_photo, read_labels
     from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
 
     wanted = read_labels(labels, category)
@@ -111,8 +111,8 @@ def retrieval(
 
     Exit code 1: a photo failed; the others were evaluated.
     """
+    from cadpose.datasets.labels import read_gallery, read_labels
     from cadpose.errors import CadposeError, InputError
-    from cadpose.evaluation.labels import read_gallery, read_labels
     from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_ranking, retrieval_table
 
     wanted = [label for label in read_labels(labels, category) if label.cad is not None]

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from cadpose.datasets.labels import Label, object_in_photo
 from cadpose.errors import InputError
-from cadpose.evaluation.labels import Label, object_in_photo
 from cadpose.evaluation.statistics import macro_mean, wilson_interval
 from cadpose.pipeline import Annotator
 from cadpose.records import CadModel

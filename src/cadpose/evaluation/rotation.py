@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cadpose.evaluation.labels import Label
+from cadpose.datasets.labels import Label
 from cadpose.evaluation.statistics import macro_mean, wilson_interval
 from cadpose.geometry.angles import azimuth_error
 from cadpose.records import Rotation

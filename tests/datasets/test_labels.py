@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from cadpose.datasets import labels as labels_module
+from cadpose.datasets.labels import Label, object_in_photo, read_gallery, read_labels
 from cadpose.errors import InputError
-from cadpose.evaluation import labels as labels_module
-from cadpose.evaluation.labels import Label, object_in_photo, read_gallery, read_labels
 from cadpose.geometry.boxes import Box
 from cadpose.records import Rotation
 

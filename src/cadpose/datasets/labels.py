@@ -1,0 +1,174 @@
+"""Label files: photographs with what is true of them, as one JSON array or as JSONL, one object a line.
+
+Each entry names a ``photo`` (relative to the label file) and a ``category`` (or a word for it). What else
+may be known is listed in docs/datasets.md; other keys are ignored.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from cadpose.datasets.label import Label, RunLengths, mask_in_photo, object_in_photo
+from cadpose.datasets.label_json import entry_from_label, label_from_entry, library_category
+from cadpose.errors import InputError
+from cadpose.library.storage import write_atomic
+
+__all__ = [
+    "Label", "RunLengths", "iter_labels", "mask_in_photo", "object_in_photo", "read_gallery",
+    "read_labels", "write_labels",
+]  # fmt: skip
+
+#: Largest JSON array that is read; it is held in memory as a whole.
+MAX_BYTES = 256 * 2**20
+#: Largest JSONL file, and the longest of its lines (a mask as run lengths takes some kB).
+MAX_JSONL_BYTES = 2 * 2**30
+MAX_LINE_BYTES = 4 * 2**20
+#: Endings that mean one object a line.
+JSONL_SUFFIXES = frozenset({".jsonl", ".ndjson"})
+
+
+def read_labels(path: Path, category: str | None = None, split: str | None = None) -> list[Label]:
+    """Read a label file, optionally one category, which may be a word for it ("motorcycle"), or one split.
+
+    Raises:
+        InputError: the file cannot be read, is no label file, an entry is wrong, or nothing is left.
+    """
+    wanted = None if category is None else library_category(category)
+    chosen: list[Label] = []
+    categories, splits = set(), set()
+    for label in iter_labels(path):
+        categories.add(label.category)
+        if wanted not in (None, label.category):
+            continue
+        splits.add(label.split or "none")
+        if split in (None, label.split):
+            chosen.append(label)
+    if not categories:
+        raise InputError(f"{path}: holds no label, add one object a photo")
+    if not splits:
+        found = ", ".join(sorted(categories))
+        raise InputError(f"{path}: no label of category {category!r}; it has {found}")
+    if not chosen:
+        raise InputError(f"{path}: no label of split {split!r}; it has {', '.join(sorted(splits))}")
+    return chosen
+
+
+def iter_labels(path: Path) -> Iterator[Label]:
+    """Every label of a file in order; JSONL is read line by line.
+
+    Raises:
+        InputError: the file cannot be read, is no label file, or an entry is wrong.
+    """
+    if path.suffix.lower() in JSONL_SUFFIXES:
+        for number, entry in _json_lines(path):
+            yield label_from_entry(entry, f"{path}: line {number}", path.parent)
+        return
+    entries = _read_json(path)
+    if not isinstance(entries, list):
+        raise InputError(f"{path}: expected a JSON array of labels, found {type(entries).__name__}")
+    for i, entry in enumerate(entries):
+        yield label_from_entry(entry, f"{path}: entry {i}", path.parent)
+
+
+def write_labels(path: Path, labels: Iterable[Label]) -> int:
+    """Write JSONL, paths relative to its folder; the file is whole or not there.
+
+    Returns:
+        How many labels were written.
+
+    Raises:
+        InputError: the name does not end in .jsonl, so it would not be read as what it is.
+        OSError: it cannot be written.
+    """
+    if path.suffix.lower() not in JSONL_SUFFIXES:
+        raise InputError(f"{path}: labels are written as JSONL, give a name that ends in .jsonl")
+    folder = path.parent.resolve()
+
+    @cache  # many photos share a folder
+    def resolved(parent: Path) -> Path:
+        return parent.resolve()
+
+    def relative(target: Path) -> str:
+        # Links are followed, for ".." goes up from where a folder really is.
+        real = resolved(target.parent) / target.name
+        try:
+            return Path(os.path.relpath(real, folder)).as_posix()
+        except ValueError:  # another drive
+            return real.as_posix()
+
+    lines = [json.dumps(entry_from_label(label, relative)) for label in labels]
+    write_atomic(path, "".join(f"{line}\n" for line in lines).encode("ascii"))
+    return len(lines)
+
+
+def read_gallery(path: Path) -> list[str]:
+    """Read a JSON array of library ids; one that is named twice counts once.
+
+    Raises:
+        InputError: the file cannot be read or is not an array of strings.
+    """
+    ids = _read_json(path)
+    if not isinstance(ids, list) or not ids or not all(isinstance(i, str) for i in ids):
+        raise InputError(
+            f"{path}: expected a JSON array of CAD ids as `cadpose library list --json` prints them"
+        )
+    return list(dict.fromkeys(ids))
+
+
+def _json_lines(path: Path) -> Iterator[tuple[int, Any]]:
+    """(line number from 1, value) of every line that is not blank."""
+    read = 0
+    with _opened(path) as file:
+        for number in itertools.count(1):
+            line = file.readline(MAX_LINE_BYTES + 1)
+            if not line:
+                return
+            read += len(line)
+            where = f"{path}: line {number}"
+            if len(line) > MAX_LINE_BYTES:
+                raise InputError(
+                    f"{where} is longer than {MAX_LINE_BYTES >> 20} MiB, write one object a line"
+                )
+            if read > MAX_JSONL_BYTES:
+                raise InputError(
+                    f"{path}: larger than {MAX_JSONL_BYTES >> 20} MiB, split it into several files"
+                )
+            if line.strip():
+                yield number, _decoded(line, where)
+
+
+def _read_json(path: Path) -> Any:
+    with _opened(path) as file:
+        # A file's size may be told wrong, as in /proc, or grow.
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise InputError(f"{path}: larger than {MAX_BYTES >> 20} MiB, split it into several files")
+    return _decoded(data, str(path))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    try:
+        # Looked at before it is opened: opening a pipe would wait for a writer.
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise InputError(f"{path}: cannot be read (not a regular file), check the path")
+        with path.open("rb") as file:
+            yield file
+    except (OSError, ValueError) as error:  # ValueError: a name with a null character
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{path}: cannot be read ({reason}), check the path") from error
+
+
+def _decoded(data: bytes, where: str) -> Any:
+    try:
+        return json.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError) as error:  # bad UTF-8, bad JSON, endless digits or brackets
+        raise InputError(f"{where}: is not valid JSON ({error})") from error
