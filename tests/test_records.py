@@ -81,6 +81,9 @@ BAD: list[tuple[type, dict[str, Any], str]] = [
     (RotationHypothesis, {"score": NAN}, "finite"),
     (RotationHypothesis, {"probability": 1.1}, "outside"),
     (RotationHypothesis, {"probability": NAN}, "outside"),
+    (RotationHypothesis, {"expected_error": -0.1}, "expected error"),
+    (RotationHypothesis, {"expected_error": 180.1}, "expected error"),
+    (RotationHypothesis, {"expected_error": NAN}, "expected error"),
     (Detection, {"score": 1.1}, "outside"),
     (Detection, {"score": -0.1}, "outside"),
     (Detection, {"score": NAN}, "outside"),
@@ -137,6 +140,13 @@ def test_every_record_is_tested_here() -> None:
     assert classes == set(GOOD)
     refusing = {record for record in classes if hasattr(record, "__post_init__")}
     assert refusing == {record for record, _, _ in BAD}
+
+
+def test_an_annotation_needs_review_where_its_first_hypothesis_does() -> None:
+    plain = RotationHypothesis(Rotation(1, 2), 0.5)
+    flagged = dataclasses.replace(plain, needs_review=True)
+    for hypotheses, doubtful in (((), False), ((plain, flagged), False), ((flagged, plain), True)):
+        assert Annotation(**(GOOD[Annotation] | {"hypotheses": hypotheses})).needs_review is doubtful
 
 
 def test_photo_knows_its_size_and_cannot_be_painted_on() -> None:

@@ -374,3 +374,8 @@ class Annotation:
     def cad(self) -> CadModel:
         """The chosen CAD model."""
         return self.candidates[0].cad
+
+    @property
+    def needs_review(self) -> bool:
+        """Whether a person should look before the rotation is used: what its estimator said of it."""
+        return bool(self.hypotheses) and self.hypotheses[0].needs_review

@@ -73,7 +73,7 @@ def make_annotation(photo: Photo, *, box: Box | None = None, **changes: Any) -> 
             for i in range(3)
         ),
         "hypotheses": (
-            RotationHypothesis(rotation, 0.71, 0.6),
+            RotationHypothesis(rotation, 0.71, 0.6, 24.5, True),
             RotationHypothesis(Rotation(132.4, 8.1), 0.5, 0.4),
         ),
         "box_iou": 0.93,

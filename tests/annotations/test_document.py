@@ -57,16 +57,30 @@ def test_records_come_back_exactly() -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(rotations, rotations, st.floats(1e-3, 1e9), st.tuples(finite, finite), finite, st.text())
+@given(
+    rotations,
+    rotations,
+    st.floats(1e-3, 1e9),
+    st.tuples(finite, finite),
+    finite,
+    st.floats(0.0, 180.0),
+    st.text(),
+)
 def test_any_numbers_and_names_come_back_exactly(
-    rotation: Rotation, other: Rotation, focal: float, principal: tuple[float, float], score: float, name: str
+    rotation: Rotation,
+    other: Rotation,
+    focal: float,
+    principal: tuple[float, float],
+    score: float,
+    error: float,
+    name: str,
 ) -> None:
     photo = make_photo()
     annotation = make_annotation(
         photo,
         pose=Pose4Dof(rotation, focal, principal),
         candidates=(Candidate(make_cad(name=name), score, other, {name: score}),),
-        hypotheses=(RotationHypothesis(other, score, 1 / 3),),
+        hypotheses=(RotationHypothesis(other, score, 1 / 3, error, error > 90.0),),
         provenance={name: [name, score, {"deep": True}]},
     )
     assert same(round_trip(photo, annotation), annotation)
@@ -97,6 +111,25 @@ def test_json_says_what_the_docs_say() -> None:
     point = np.array([0.1, 0.2, -0.3])
     p = np.array(pose["K"]) @ (np.array(pose["R_cv_from_s"]) @ point + [0, 0, pose["t_z"]])
     assert p[:2] / p[2] == pytest.approx(annotation.pose.project(point[None])[0], abs=1e-9)
+
+
+def test_documents_of_earlier_versions_know_no_expected_error() -> None:
+    document = make_document()
+    data = json.loads(document.to_json())
+    for entry in data["annotations"]:
+        assert (entry["hypotheses"][0]["expected_error"], entry["hypotheses"][0]["needs_review"]) == (
+            24.5,
+            True,
+        )
+        for hypothesis in entry["hypotheses"]:
+            del hypothesis["expected_error"], hypothesis["needs_review"]
+    read = AnnotationDocument.from_json(json.dumps(data)).to_annotations()
+    assert [[(h.expected_error, h.needs_review) for h in a.hypotheses] for a in read] == [
+        [(None, False)] * 2
+    ] * 2
+    assert [[h.probability for h in a.hypotheses] for a in read] == [[0.6, 0.4]] * 2
+    assert not any(a.needs_review for a in read)
+    assert all(a.needs_review for a in document.to_annotations())
 
 
 def test_lists_of_numbers_stand_on_one_line_and_text_is_left_alone() -> None:
@@ -171,6 +204,8 @@ edits: dict[str, Edit] = {
         mask={"size": [10**9, 10**9], "counts": [10**18]}
     ),
     "digest": lambda d: d["photo"].update(sha256="../../etc/passwd"),
+    "expected error": lambda d: d["annotations"][0]["hypotheses"][0].update(expected_error=181.0),
+    "flag that is none": lambda d: d["annotations"][0]["hypotheses"][0].update(needs_review="no"),
     "huge integer": lambda d: d["annotations"][0].update(box_iou=10**400),
 }
 

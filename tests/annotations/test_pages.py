@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import io
 import re
 from html.parser import HTMLParser
@@ -180,3 +181,26 @@ def test_renders_that_do_not_fit_are_refused() -> None:
         card_html(photo, document, overlay, [])
     with pytest.raises(ValueError, match="4 views do not fit 3"):
         card_html(photo, document, overlay, [make_views(4, 32, 32)])
+
+
+def test_a_card_tells_how_sure_the_rotation_is() -> None:
+    photo = make_photo()
+    doubtful = make_annotation(photo)
+    found = dataclasses.replace(doubtful.detection, rotation=None)
+    first, second = doubtful.hypotheses
+    sure = dataclasses.replace(first, probability=0.93, expected_error=7.4, needs_review=False)
+    cases = {
+        "probability 0.60 within 30°, expected error 24°": (found, (first, second)),
+        "probability 0.93 within 30°, expected error 7°": (found, (sure, second)),
+        "share 0.40 among 1 rotation": (found, (second,)),
+        "the rotation was given": (doubtful.detection, (second,)),
+    }
+    for text, (detection, hypotheses) in cases.items():
+        annotation = make_annotation(photo, detection=detection, hypotheses=hypotheses)
+        document = document_from(photo, [annotation])
+        card, overlay = make_card(photo, document), Image.fromarray(photo.rgb)
+        assert_inert(card)
+        assert text in Page(card).text
+        index = index_html([gallery_entry(document, "street.card.html", overlay)])
+        flagged = hypotheses[0].needs_review
+        assert ("needs review" in Page(card).text, "needs review" in Page(index).text) == (flagged, flagged)

@@ -65,6 +65,39 @@ def test_columns_can_be_queried(tmp_path: Path) -> None:
         assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
 
 
+def test_a_store_of_an_earlier_version_gets_the_columns_it_lacks(tmp_path: Path) -> None:
+    path = tmp_path / "runs" / "photos.db"
+    with Store(url(tmp_path)) as store:
+        store.add(make_document("old.jpg"))
+    added = ("expected_error", "needs_review")
+    with sqlite3.connect(path) as connection:
+        # As it was made before: neither columns nor keys.
+        for name in added:
+            connection.execute(f"ALTER TABLE hypotheses DROP COLUMN {name}")
+        gone = ", ".join(f"'$.hypotheses[{i}].{name}'" for i in range(2) for name in added)
+        connection.execute(f"UPDATE annotations SET document = json_remove(document, {gone})")
+        connection.execute("UPDATE photos SET content_sha256 = 'of the document without them'")
+    with Store(url(tmp_path)) as store:
+        (old,) = store.photos()
+        document = store.document(old.sha256)
+        assert document is not None
+        assert {h.expected_error for a in document.annotations for h in a.hypotheses} == {None}
+        new = make_document("new.jpg", annotations=1)
+        assert store.add(new)
+        assert store.document(new.photo.sha256) == new
+    with sqlite3.connect(path) as connection:
+        rows = connection.execute(
+            "SELECT expected_error, needs_review, count(*) FROM hypotheses GROUP BY 1, 2 ORDER BY 1"
+        ).fetchall()
+        assert rows == [(None, 0, 5), (24.5, 1, 1)]
+        before = "\n".join(connection.iterdump())
+    # Once is enough: opening it again changes nothing, and the same photo's new answer replaces the old one.
+    with Store(url(tmp_path)) as store, sqlite3.connect(path) as connection:
+        assert "\n".join(connection.iterdump()) == before
+        assert store.add(make_document("old.jpg"))
+        assert connection.execute("SELECT sum(needs_review) FROM hypotheses").fetchone() == (3,)
+
+
 def test_the_same_run_again_changes_nothing(tmp_path: Path) -> None:
     path = tmp_path / "runs" / "photos.db"
     photo = make_photo()

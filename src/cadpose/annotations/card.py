@@ -16,7 +16,7 @@ from urllib.parse import quote
 from PIL import Image
 
 from cadpose.annotations.document import AnnotationDocument, FailurePart
-from cadpose.annotations.parts import AnnotationPart
+from cadpose.annotations.parts import AnnotationPart, HypothesisPart
 from cadpose.annotations.strip import LIMIT
 from cadpose.annotations.style import colour_of, jpeg_bytes, object_crop, png_bytes, short, view_image
 from cadpose.geometry.boxes import Box
@@ -32,16 +32,18 @@ body{margin:0 auto;max-width:1180px;padding:24px 20px 48px;background:var(--pape
 font:15px/1.45 system-ui,sans-serif;overflow-wrap:anywhere}
 h1{font-size:20px;margin:0 0 2px}h2{font-size:17px;margin:34px 0 6px;padding-left:10px;
 border-left:5px solid var(--c,var(--line))}
-p{margin:0 0 10px}.faint,figcaption span,dt{color:var(--faint)}
+p{margin:0 0 10px}.faint,figcaption span:not(.flag),dt{color:var(--faint)}
 img{display:block;max-width:100%;height:auto}
 .overlay{width:100%;margin-top:14px;border-radius:6px}
 .strip{display:grid;grid-template-columns:repeat(auto-fill,minmax(165px,1fr));gap:10px;margin:12px 0}
 figure{margin:0;font-size:13px}figcaption{padding:4px 2px;line-height:1.35}
-figcaption span{display:block}
+figcaption span:not(.flag){display:block}
 .tile{display:flex;align-items:center;justify-content:center;aspect-ratio:1;background:var(--tile);
 border-radius:5px;overflow:hidden}.tile img{max-height:100%}
 .best .tile{outline:3px solid var(--c)}
 dl{display:grid;grid-template-columns:max-content 1fr;gap:2px 14px;margin:8px 0;font-size:14px}dd{margin:0}
+.flag{margin-left:10px;padding:1px 8px;border-radius:9px;font-size:12px;font-weight:600;
+background:#ffd34d;color:#181c21;vertical-align:2px;white-space:nowrap}
 .gallery{display:grid;grid-template-columns:repeat(auto-fill,minmax(250px,1fr));gap:18px;margin-top:18px}
 .gallery a{color:inherit;text-decoration:none}.gallery .tile{aspect-ratio:4/3;background:var(--line)}
 .gallery .tile img{width:100%;height:100%;object-fit:contain}
@@ -109,14 +111,15 @@ def index_html(cards: Iterable[GalleryEntry], title: str = "cadpose") -> str:
     total = annotated = 0
     for entry in cards:
         total += 1
-        annotated += len(entry.document.annotations)
-        models = " · ".join(
-            f"{part.detection.category}: {short(part.cad.name, 40)}" for part in entry.document.annotations
-        )
+        parts = entry.document.annotations
+        annotated += len(parts)
+        models = " · ".join(f"{part.detection.category}: {short(part.cad.name, 40)}" for part in parts)
+        doubtful = any(_flagged(part.hypotheses) for part in parts)
+        flag = '<span class="flag">needs review</span>' if doubtful else ""
         tiles.append(
             f'<a href="{escape(quote("./" + entry.card), quote=True)}"><figure>'
             f'<div class="tile"><img alt="" src="{_uri("jpeg", entry.thumbnail)}"></div>'
-            f"<figcaption>{_text(PurePosixPath(entry.document.photo.name).name)}"
+            f"<figcaption>{_text(PurePosixPath(entry.document.photo.name).name)}{flag}"
             f"<span>{_text(models) if models else 'no object was annotated'}</span></figcaption></figure></a>"
         )
     body = (
@@ -144,17 +147,34 @@ def _object(photo: Photo, part: AnnotationPart, views: Views, number: int) -> st
         f"in-plane {pose.inplane:.1f}°",
         "Focal length": f"{pose.focal_px:.1f} px at distance {pose.t_z:g}, "
         f"principal point ({pose.principal_px[0]:.1f}, {pose.principal_px[1]:.1f})",
+        "Confidence": _confidence(part),
         "IoU": f"box {part.box_iou:.2f}{mask}",
         "Model": cad.id,
         "Licence": " · ".join(text for text in (cad.licence, cad.creator, cad.source) if text),
         "Time": ", ".join(f"{stage} {spent:.2f} s" for stage, spent in part.seconds.items()),
     }
     rows = "".join(f"<dt>{name}</dt><dd>{_text(value)}</dd>" for name, value in facts.items() if value)
+    flag = '<span class="flag">needs review</span>' if _flagged(part.hypotheses) else ""
     return (
         f'<section style="--c:rgb({red},{green},{blue})">'
-        f"<h2>{_text(part.detection.category)} · {_text(cad.name)}</h2>"
+        f"<h2>{_text(part.detection.category)} · {_text(cad.name)}{flag}</h2>"
         f'<div class="strip">{"".join(figures)}</div><dl>{rows}</dl></section>'
     )
+
+
+def _flagged(hypotheses: Sequence[HypothesisPart]) -> bool:
+    return bool(hypotheses) and hypotheses[0].needs_review
+
+
+def _confidence(part: AnnotationPart) -> str:
+    """What the estimator says of its first rotation, the one that is drawn."""
+    hypotheses = part.hypotheses
+    if part.detection.rotation is not None or not hypotheses:
+        return "the rotation was given" if part.detection.rotation is not None else ""
+    first = hypotheses[0]
+    if first.expected_error is None:
+        return f"share {first.probability:.2f} among {_count(len(hypotheses), 'rotation')}"
+    return f"probability {first.probability:.2f} within 30°, expected error {first.expected_error:.0f}°"
 
 
 def _figure(source: str, first: str, second: str, kind: str) -> str:

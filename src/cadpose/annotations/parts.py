@@ -217,15 +217,40 @@ class CandidatePart(Part):
 
 
 class HypothesisPart(Part):
-    """One rotation that the estimator proposed, in rank order; probability is not calibrated."""
+    """One rotation that the estimator proposed, in rank order.
+
+    With an expected_error (degrees), probability is the calibrated chance of being within 30 degrees of the
+    true rotation; without one, the share among the hypotheses.
+    """
 
     rotation: RotationPart
     score: float
     probability: Share
+    expected_error: Annotated[float, Field(ge=0.0, le=180.0)] | None
+    needs_review: bool
+
+    @model_validator(mode="before")
+    @classmethod
+    def _older_documents_lack_two_keys(cls, data: Any) -> Any:
+        return {"expected_error": None, "needs_review": False, **data} if isinstance(data, dict) else data
+
+    @classmethod
+    def of(cls, hypothesis: RotationHypothesis) -> HypothesisPart:
+        """From the record."""
+        error = hypothesis.expected_error
+        return cls(
+            rotation=RotationPart.of(hypothesis.rotation),
+            score=float(hypothesis.score),
+            probability=float(hypothesis.probability),
+            expected_error=None if error is None else float(error),
+            needs_review=bool(hypothesis.needs_review),
+        )
 
     def record(self) -> RotationHypothesis:
         """To the record."""
-        return RotationHypothesis(self.rotation.record(), self.score, self.probability)
+        return RotationHypothesis(
+            self.rotation.record(), self.score, self.probability, self.expected_error, self.needs_review
+        )
 
 
 class AnnotationPart(Part):
@@ -272,14 +297,7 @@ class AnnotationPart(Part):
                 )
                 for rank, candidate in enumerate(annotation.candidates, start=1)
             ),
-            hypotheses=tuple(
-                HypothesisPart(
-                    rotation=RotationPart.of(hypothesis.rotation),
-                    score=float(hypothesis.score),
-                    probability=float(hypothesis.probability),
-                )
-                for hypothesis in annotation.hypotheses
-            ),
+            hypotheses=tuple(HypothesisPart.of(hypothesis) for hypothesis in annotation.hypotheses),
             box_iou=float(annotation.box_iou),
             mask_iou=None if annotation.mask_iou is None else float(annotation.mask_iou),
             seconds={plain_text(stage): float(spent) for stage, spent in annotation.seconds.items()},

@@ -61,6 +61,7 @@ class Store:
         self._place = self._engine.url.database or "memory"
         with self._told("open"), self._begin() as connection:
             tables.metadata.create_all(connection)
+            _add_missing_columns(connection)
 
     def __enter__(self) -> Self:
         return self
@@ -202,6 +203,15 @@ def _engine(url: str) -> sa.Engine:
     return engine
 
 
+def _add_missing_columns(connection: sa.Connection) -> None:
+    """Bring the tables of an earlier version's store up to date; its rows get null or the default."""
+    for column in tables.ADDED_LATER:
+        held = {known["name"] for known in sa.inspect(connection).get_columns(column.table.name)}
+        if column.name not in held:
+            written = sa.schema.CreateColumn(column).compile(dialect=connection.dialect)
+            connection.exec_driver_sql(f"ALTER TABLE {column.table.name} ADD COLUMN {written}")
+
+
 def _part(model: type[_P], stored: Any) -> _P:
     # Through JSON text, because in strict mode only there a list stands for a tuple.
     return model.model_validate_json(json.dumps(stored))
@@ -261,7 +271,15 @@ def _rows(document: AnnotationDocument) -> list[tuple[sa.Table, list[dict[str, A
             for candidate in part.candidates
         ]
         hypotheses += [
-            rows | {"rank": rank, **_angles(h.rotation), "score": h.score, "probability": h.probability}
+            rows
+            | {
+                "rank": rank,
+                **_angles(h.rotation),
+                "score": h.score,
+                "probability": h.probability,
+                "expected_error": h.expected_error,
+                "needs_review": h.needs_review,
+            }
             for rank, h in enumerate(part.hypotheses, start=1)
         ]
     failures = [

@@ -5,8 +5,11 @@ Nothing here is SQLite's own, so that other databases can hold the same tables.
 
 from __future__ import annotations
 
+from typing import Any
+
 from sqlalchemy import (
     JSON,
+    Boolean,
     CheckConstraint,
     Column,
     Float,
@@ -18,6 +21,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    false,
 )
 
 # Named constraints, so that migrations can speak of them.
@@ -102,7 +106,12 @@ HYPOTHESES = Table(
     *_angles(),
     Column("score", Float(53), nullable=False),
     Column("probability", Float(53), nullable=False),
+    Column("expected_error", Float(53)),
+    Column("needs_review", Boolean, nullable=False, server_default=false()),
 )
+
+#: Columns that stores made by earlier versions lack: null, or with a default, so that they can be added.
+ADDED_LATER: tuple[Column[Any], ...] = (HYPOTHESES.c.expected_error, HYPOTHESES.c.needs_review)
 
 FAILURES = Table(
     "failures",

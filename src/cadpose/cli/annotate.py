@@ -22,6 +22,7 @@ from cadpose.cli.options import (
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
 
 if TYPE_CHECKING:
+    from cadpose.annotations.parts import AnnotationPart
     from cadpose.batch.run import DetectionsOf, PhotoOutcome
     from cadpose.records import Detection, Photo
 
@@ -148,6 +149,7 @@ def _told(outcome: PhotoOutcome) -> dict[str, Any]:
                     "elevation": part.pose.elevation,
                     "inplane": part.pose.inplane,
                     "focal_px": part.pose.focal_px,
+                    **_confidence(part),
                     "box": part.detection.box,
                     "box_iou": part.box_iou,
                     "mask_iou": part.mask_iou,
@@ -161,20 +163,43 @@ def _told(outcome: PhotoOutcome) -> dict[str, Any]:
     return told
 
 
+def _confidence(part: AnnotationPart) -> dict[str, Any]:
+    """What the estimator says of the rotation that was taken."""
+    if not part.hypotheses:
+        return {"probability": None, "expected_error": None, "needs_review": False}
+    first = part.hypotheses[0]
+    return {
+        "probability": first.probability,
+        "expected_error": first.expected_error,
+        "needs_review": first.needs_review,
+    }
+
+
 def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
+    columns = [
+        "category",
+        "CAD model",
+        "azimuth elevation in-plane",
+        "probability",
+        "focal length",
+        "box IoU",
+    ]
+    empty = [""] * len(columns)
     rows = []
     for outcome in outcomes:
         name = outcome.photo.name
         if outcome.document is None:
-            rows.append([name, "failed", "", "", "", ""])
+            rows.append([name, "failed", *empty[1:]])
             continue
         parts = outcome.document.annotations
         if not parts and not outcome.document.failures:
-            rows.append([name, "no object found", "", "", "", ""])
+            rows.append([name, "no object found", *empty[1:]])
         for part in parts:
             pose = part.pose
             # 359.7° is 0°, not 360°.
             azimuth = round(pose.azimuth) % 360
+            sure = _confidence(part)
+            probability = "" if sure["probability"] is None else f"{sure['probability']:.2f}"
             angles = f"{azimuth}° {round(pose.elevation):+d}° {round(pose.inplane):+d}°"
             rows.append(
                 [
@@ -182,14 +207,14 @@ def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
                     part.detection.category,
                     part.cad.name,
                     angles,
+                    f"needs review {probability}" if sure["needs_review"] else probability,
                     f"{pose.focal_px:.0f} px",
                     f"{part.box_iou:.2f}",
                 ]
             )
         rows += [
-            [name, failure.detection.category, "left out", "", "", ""]
+            [name, failure.detection.category, "left out", *empty[2:]]
             for failure in outcome.document.failures
         ]
-    columns = ["photo", "category", "CAD model", "azimuth elevation in-plane", "focal length", "box IoU"]
-    print_table(f"{len(outcomes)} photos", columns, rows)
+    print_table(f"{len(outcomes)} photos", ["photo", *columns], rows)
     typer.echo(f"Pictures and documents: {out / 'index.html'}")
