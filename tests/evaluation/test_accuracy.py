@@ -12,7 +12,7 @@ from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_ranking, 
 from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
 from cadpose.library.catalogue import Library
 from cadpose.pipeline import Annotator
-from cadpose.records import Rotation
+from cadpose.records import RotationHypothesis
 
 pytestmark = pytest.mark.slow
 
@@ -27,8 +27,8 @@ def annotator(bench: Path, cars: Library, tmp_path_factory: pytest.TempPathFacto
 def test_rotation_of_cars(bench: Path, annotator: Annotator) -> None:
     labels = read_labels(bench / "bench/cars_rotation/labels.json", "car")[::10]
 
-    def estimate(label: Label) -> Rotation:
-        return annotator.estimate_rotation(*object_in_photo(label), label.category)[0].rotation
+    def estimate(label: Label) -> list[RotationHypothesis]:
+        return annotator.estimate_rotation(*object_in_photo(label), label.category)
 
     table = rotation_table(evaluate_rotation(labels, estimate, CadposeError))
     assert table["n"] == len(labels) >= 50

@@ -14,7 +14,7 @@ from cadpose.evaluation.rotation import (
     rotation_table,
 )
 from cadpose.geometry.boxes import Box
-from cadpose.records import Rotation
+from cadpose.records import Rotation, RotationHypothesis
 
 
 def label(
@@ -61,24 +61,27 @@ def test_recoverable_errors_fail_their_photo_only() -> None:
     labels = [label(0.0), label(90.0), label(180.0)]
     done: list[RotationResult] = []
 
-    def estimate(one: Label) -> Rotation:
+    def estimate(one: Label) -> list[RotationHypothesis]:
         if one.azimuth == 90.0:
             raise InputError("a.png: cut short")
         assert one.azimuth is not None
-        return Rotation(one.azimuth + 4.0, 0.0)
+        turns = (4.0, 40.0)
+        return [RotationHypothesis(Rotation(one.azimuth + turn, 0.0), 1.0, 0.5) for turn in turns]
 
     results = evaluate_rotation(labels, estimate, CadposeError, done.append)
     assert done == results
     assert [r.label for r in results] == labels
     assert [r.reason for r in results] == ["", "a.png: cut short", ""]
     assert results[1].estimate is None
+    assert [len(r.hypotheses) for r in results] == [2, 0, 2]
+    assert results[2].hypothesis_errors == pytest.approx((4.0, 40.0))
     table = rotation_table(results)
     assert (table["n"], table["acc30"]) == (2, 1.0)
     assert table["yield"] == pytest.approx(2 / 3)
 
 
 def test_other_errors_are_not_hidden() -> None:
-    def broken(_: Label) -> Rotation:
+    def broken(_: Label) -> list[RotationHypothesis]:
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
@@ -103,10 +106,29 @@ def test_the_table_by_hand() -> None:
     assert table["yield"] == pytest.approx(10 / 11)
     assert table["mederr"] == pytest.approx(25.0)
     assert table["macro"] == pytest.approx(
-        {"acc30": 0.75, "acc10": 0.375, "mederr": (30.25 + 12.5) / 2, "flips": 0.125}
+        {"acc30": 0.75, "acc30_top5": 0.75, "acc10": 0.375, "mederr": (30.25 + 12.5) / 2, "flips": 0.125}
     )
     # 6 of 10.
     assert table["acc30_interval"] == pytest.approx([0.3127, 0.8318], abs=5e-4)
+
+
+def test_the_oracle_takes_the_best_of_the_first_five() -> None:
+    def answer(*errors: float) -> RotationResult:
+        found = [RotationHypothesis(Rotation(e, 0.0), 1.0, 0.1) for e in errors]
+        return rotation_result(label(0.0), found[0].rotation, hypotheses=found)
+
+    results = [
+        answer(5.0, 90.0),  # right at once
+        answer(180.0, 90.0, 60.0, 45.0, 30.0),  # right at the fifth
+        answer(180.0, 90.0, 60.0, 45.0, 40.0, 3.0),  # right at the sixth: too late
+        rotation_result(label(0.0), None, "no"),
+    ]
+    table = rotation_table(results)
+    assert (table["acc30"], table["acc30_top5"]) == pytest.approx((1 / 3, 2 / 3))
+    # A whole label is scored by the geodesic angle for every hypothesis, not by azimuth.
+    turned = RotationHypothesis(Rotation(0.0, 60.0, 12.0), 1.0)
+    result = rotation_result(label(0.0, 60.0), turned.rotation, hypotheses=[turned])
+    assert result.hypothesis_errors == pytest.approx((12.0,))
 
 
 def test_keys_are_the_published_ones() -> None:
@@ -130,7 +152,7 @@ def test_a_flip_is_told_by_azimuth_even_with_a_whole_label() -> None:
 def test_no_answer_at_all_gives_a_valid_table(results: list[RotationResult]) -> None:
     table = rotation_table(results)
     assert (table["n"], table["yield"]) == (0, 0.0)
-    for key in ("acc30", "acc30_interval", "acc10", "mederr", "flips"):
+    for key in ("acc30", "acc30_interval", "acc30_top5", "acc10", "mederr", "flips"):
         assert table[key] is None
     assert table["macro"] == {}
     json.dumps(table, allow_nan=False)

@@ -50,7 +50,7 @@ def rotation(
     with progress_bar("rotation", len(wanted)) as bar:
         results = evaluate_rotation(
             wanted,
-            lambda label: annotator.estimate_rotation(*object_in_photo(label), label.category)[0].rotation,
+            lambda label: annotator.estimate_rotation(*object_in_photo(label), label.category),
             CadposeError,
             lambda _: bar.advance(bar.tasks[0].id),
         )

@@ -11,10 +11,12 @@ import numpy as np
 from cadpose.datasets.labels import Label
 from cadpose.evaluation.statistics import macro_mean, wilson_interval
 from cadpose.geometry.angles import azimuth_error
-from cadpose.records import Rotation
+from cadpose.records import Rotation, RotationHypothesis
 
 #: An azimuth error above this counts as a flip: the object was taken for facing the other way.
 FLIP_DEGREES = 150.0
+#: Hypotheses among which the best one is looked for, were it known which.
+TOP = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +29,8 @@ class RotationResult:
         error: Geodesic error in degrees, or the azimuth error where only that is labelled.
         azimuth_error: Azimuth error in degrees.
         reason: Why the photo failed.
+        hypotheses: All that was answered, best first.
+        hypothesis_errors: Error of each hypothesis in degrees, measured as ``error`` is.
     """
 
     label: Label
@@ -34,28 +38,57 @@ class RotationResult:
     error: float = float("nan")
     azimuth_error: float = float("nan")
     reason: str = ""
+    hypotheses: tuple[RotationHypothesis, ...] = ()
+    hypothesis_errors: tuple[float, ...] = ()
 
 
-def rotation_result(label: Label, estimate: Rotation | None, reason: str = "") -> RotationResult:
+def rotation_error(label: Label, estimate: Rotation) -> float:
+    """Geodesic error in degrees; the azimuth error where the label has no elevation, NaN without azimuth."""
+    if label.azimuth is None:
+        return float("nan")
+    if label.rotation is None:
+        return float(azimuth_error(estimate.azimuth, label.azimuth))
+    return label.rotation.error_to(estimate)
+
+
+def rotation_result(
+    label: Label,
+    estimate: Rotation | None,
+    reason: str = "",
+    hypotheses: Sequence[RotationHypothesis] = (),
+) -> RotationResult:
     """Score one estimate. A label without elevation is scored by azimuth alone."""
     if estimate is None or label.azimuth is None:
         return RotationResult(label, estimate, reason=reason or "the label has no azimuth")
-    turn = float(azimuth_error(estimate.azimuth, label.azimuth))
-    error = turn if label.rotation is None else label.rotation.error_to(estimate)
-    return RotationResult(label, estimate, error, turn)
+    return RotationResult(
+        label,
+        estimate,
+        rotation_error(label, estimate),
+        float(azimuth_error(estimate.azimuth, label.azimuth)),
+        hypotheses=tuple(hypotheses),
+        hypothesis_errors=tuple(rotation_error(label, h.rotation) for h in hypotheses),
+    )
 
 
 def evaluate_rotation(
     labels: Sequence[Label],
-    estimate: Callable[[Label], Rotation],
+    estimate: Callable[[Label], Sequence[RotationHypothesis]],
     recoverable: type[Exception],
     on_done: Callable[[RotationResult], None] = lambda _: None,
 ) -> list[RotationResult]:
-    """Run ``estimate`` over the labels; a ``recoverable`` error fails that photo only."""
+    """Run ``estimate`` over the labels; a ``recoverable`` error fails that photo only.
+
+    Args:
+        labels: What is true.
+        estimate: Hypotheses of a label's object, best first, at least one; the first one is scored.
+        recoverable: What a photo may fail with.
+        on_done: Told each outcome.
+    """
     results = []
     for label in labels:
         try:
-            result = rotation_result(label, estimate(label))
+            hypotheses = estimate(label)
+            result = rotation_result(label, hypotheses[0].rotation, hypotheses=hypotheses)
         except recoverable as error:
             result = rotation_result(label, None, str(error))
         results.append(result)
@@ -67,6 +100,7 @@ def rotation_table(results: Sequence[RotationResult]) -> dict[str, Any]:
     """Overall figures, a row a class under ``classes``, and their macro mean.
 
     ``acc30``, ``acc10``, ``flips`` and ``yield`` are fractions of 1, ``mederr`` is in degrees.
+    ``acc30_top5`` counts a photo as right where any of its first five hypotheses is.
     Accuracies are over the photos that gave an answer; ``yield`` says how many did. Where none did, all
     but ``n`` and ``yield`` are None.
     """
@@ -75,12 +109,14 @@ def rotation_table(results: Sequence[RotationResult]) -> dict[str, Any]:
     table: dict[str, Any] = _row(results)
     table["classes"] = rows
     answered = [row for row in rows.values() if row["n"] > 0]
-    table["macro"] = macro_mean(answered, ("acc30", "acc10", "mederr", "flips")) if answered else {}
+    keys = ("acc30", "acc30_top5", "acc10", "mederr", "flips")
+    table["macro"] = macro_mean(answered, keys) if answered else {}
     return table
 
 
 def _row(results: Sequence[RotationResult]) -> dict[str, Any]:
     errors = np.array([r.error for r in results if np.isfinite(r.error)])
+    oracle = np.array([min((r.error, *r.hypothesis_errors[:TOP])) for r in results if np.isfinite(r.error)])
     turns = np.array([r.azimuth_error for r in results if np.isfinite(r.error)])
     n = len(errors)
     return {
@@ -88,6 +124,7 @@ def _row(results: Sequence[RotationResult]) -> dict[str, Any]:
         "yield": n / len(results) if results else 0.0,
         "acc30": float((errors <= 30).mean()) if n else None,
         "acc30_interval": list(wilson_interval(int((errors <= 30).sum()), n)) if n else None,
+        "acc30_top5": float((oracle <= 30).mean()) if n else None,
         "acc10": float((errors <= 10).mean()) if n else None,
         "mederr": float(np.median(errors)) if n else None,
         "flips": float((turns > FLIP_DEGREES).mean()) if n else None,
