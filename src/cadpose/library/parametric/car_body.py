@@ -103,11 +103,11 @@ def _smooth_top(shape: BodyShape) -> tuple[FloatArray, FloatArray]:
 
 
 def _stations(shape: BodyShape) -> FloatArray:
-    marks = [*np.linspace(0, shape.length, 24), *shape.top[:, 0], *shape.windscreen, *shape.rear_glass]
+    marks = [*np.linspace(0, shape.length, 10), *shape.top[:, 0], *shape.windscreen, *shape.rear_glass]
     for end, sign in ((0.0, 1.0), (shape.length, -1.0)):
-        marks += [end + sign * d for d in (0.012, 0.03, 0.06, 0.1)]
+        marks += [end + sign * d for d in (0.012, 0.035, 0.07)]
     for axle in shape.axles:
-        marks += [axle + shape.arch_radius * np.sin(a) for a in np.linspace(-np.pi / 2, np.pi / 2, 11)]
+        marks += [axle + shape.arch_radius * np.sin(a) for a in np.linspace(-np.pi / 2, np.pi / 2, 9)]
         marks += [axle - shape.arch_radius - 0.008, axle + shape.arch_radius + 0.008]
     for start, end in shape.side_glass:
         marks += [start, end]
@@ -116,7 +116,7 @@ def _stations(shape: BodyShape) -> FloatArray:
     if shape.bed is not None:
         marks += [shape.bed[0], shape.bed[0] + 0.02, shape.bed[1] - 0.02, shape.bed[1]]
     ordered = np.unique(np.clip(np.array(marks), 0, shape.length))
-    keep = np.concatenate([[True], np.diff(ordered) > 0.004])
+    keep = np.concatenate([[True], np.diff(ordered) > 0.006])
     keep[-1] = True
     return ordered[keep]
 
@@ -217,16 +217,17 @@ def body_shell(shape: BodyShape) -> tuple[FloatArray, IntArray, IntArray]:
     return shape.deform(vertices), faces, np.concatenate([quad_kinds, quad_kinds])
 
 
+_ACROSS = 11
+
+
 def _cap(section: FloatArray, s: float, flip: bool) -> tuple[FloatArray, IntArray]:
     """The wall that closes an end: rows of the section across the car's width."""
-    across = np.linspace(-1, 1, 13)
+    across = np.linspace(-1, 1, _ACROSS)
     rows = section[1:]
-    points = np.stack(
-        [rows[:, :1] * across, np.broadcast_to(rows[:, 1:], (len(rows), 13)), np.full((len(rows), 13), s)],
-        axis=-1,
-    )
-    a, b = np.meshgrid(np.arange(len(rows) - 1), np.arange(12), indexing="ij")
-    quads = np.stack([a * 13 + b, (a + 1) * 13 + b, (a + 1) * 13 + b + 1, a * 13 + b + 1], axis=-1)
+    wide = (len(rows), _ACROSS)
+    points = np.stack([rows[:, :1] * across, np.broadcast_to(rows[:, 1:], wide), np.full(wide, s)], axis=-1)
+    index = np.arange(points.size // 3).reshape(wide)
+    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
     quads = quads.reshape(-1, 4)
     return points.reshape(-1, 3), quads[:, ::-1] if flip else quads
 
