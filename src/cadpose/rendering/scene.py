@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from itertools import product
 
@@ -178,3 +178,38 @@ def _mip_map(texture: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
 def _reduced(image: NDArray[np.uint8], factor: float) -> NDArray[np.uint8]:
     height, width = (max(1, int(n * factor)) for n in image.shape[:2])
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def retextured(scene: Scene, materials: NDArray[np.int64], texture: NDArray[np.uint8], uv: NDArray[np.float32]) -> Scene:
+    """The scene with some materials covered by another texture.
+
+    Args:
+        scene: Stays as it is.
+        materials: (K,) which materials.
+        texture: (H, W, 3) uint8; it replaces their own, and is multiplied by their colour.
+        uv: (F, 3, 2) float32 coordinates, used for the faces of these materials.
+    """
+    images = _mip_map(texture)
+    first = len(scene.levels)
+    offset = len(scene.texels)
+    levels, flat = [], []
+    for image in images:
+        levels.append((offset, image.shape[1], image.shape[0]))
+        flat.append(np.ascontiguousarray(image).view("<u4").ravel())
+        offset += len(flat[-1])
+    faces = np.isin(scene.material, materials)
+    look = np.where(faces, (scene.look | TEXTURED) & ~np.uint8(MEAN_TEXEL), scene.look).astype(np.uint8)
+    mapped = np.where(faces[:, None, None], uv, scene.uv).astype(np.float32)
+    material_levels = scene.material_levels.copy()
+    material_levels[materials] = (first, len(images))
+    side_a, side_b = mapped[:, 1] - mapped[:, 0], mapped[:, 2] - mapped[:, 0]
+    area = 0.5 * np.abs(side_a[:, 0] * side_b[:, 1] - side_a[:, 1] * side_b[:, 0])
+    return replace(
+        scene,
+        uv=mapped,
+        uv_area=area.astype(np.float32),
+        look=look,
+        material_levels=material_levels,
+        levels=np.concatenate([scene.levels, np.array(levels, np.int32)]),
+        texels=np.concatenate([scene.texels, *flat]),
+    )
