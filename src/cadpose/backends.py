@@ -84,7 +84,14 @@ class Backends:
             store = GalleryStore(folder, single, self.render_framed, renderer_name, workers)
             return RenderAndCompare(store, encoder)
 
-        return cast(RotationEstimator, _choose("rotation", which, {"render-and-compare": render_and_compare}))
+        def posecontrast() -> RotationEstimator:
+            from cadpose.rotation.posecontrast import PoseContrastEstimator
+
+            encoder_on(self.device)  # refuses a device that is not there
+            return PoseContrastEstimator(device=self.device)
+
+        makers = {"render-and-compare": render_and_compare, "posecontrast": posecontrast}
+        return cast(RotationEstimator, _choose("rotation", which, makers))
 
     def similarity(self, which: object) -> SimilarityMeasure:
         """A similarity measure by name."""

@@ -1,0 +1,219 @@
+"""Weights of others: MoCo v2's encoder to start from, and the authors' trained networks.
+
+Nobody has published a SHA-256 of these files, so cadpose fetches none of them by itself. You put the
+file in place, MoCo's is checked against the MD5 that is published, its SHA-256 is written beside it on
+first use, and a file that changes afterwards is refused. Tensors are read without unpickling objects.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from torch import Tensor, nn
+
+from cadpose.errors import DependencyError, InputError
+from cadpose.library.storage import write_atomic
+from cadpose.training.posecontrast.network import PoseContrast
+from cadpose.weights import cache_folder
+
+log = logging.getLogger(__name__)
+
+#: Largest checkpoint that is read; MoCo's with its optimiser and queue has some 340 MB.
+MAX_BYTES = 2 * 2**30
+#: What precedes the encoder's names in MoCo's checkpoints.
+MOCO_PREFIX = "module.encoder_q."
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """A file of weights without a published SHA-256.
+
+    Attributes:
+        name: What ``--init`` asks for.
+        file: File name in the cache's folder ``weights``.
+        url: Where a person can fetch it.
+        licence: As its publisher tells, ``"unknown"`` where not.
+        md5: Published MD5, or empty.
+    """
+
+    name: str
+    file: str
+    url: str
+    licence: str
+    md5: str = ""
+
+    @property
+    def path(self) -> Path:
+        """Where the file is looked for."""
+        return cache_folder() / "weights" / self.file
+
+
+CHECKPOINTS: dict[str, Checkpoint] = {
+    c.name: c
+    for c in (
+        Checkpoint(
+            name="moco",
+            file="moco_v2_800ep_pretrain.pth.tar",
+            url="https://dl.fbaipublicfiles.com/moco/moco_checkpoints/moco_v2_800ep/moco_v2_800ep_pretrain.pth.tar",
+            # The repository was CC-BY-NC 4.0 when the file was published; its code is MIT by now.
+            licence="CC-BY-NC-4.0 or MIT",
+            # The README of facebookresearch/moco tells the first eight digits.
+            md5="a04e12f8b0e44fdcac1fb4e06f33727b",
+        ),
+        Checkpoint(
+            name="posecontrast-pascal3d",
+            file="posecontrast-pascal3d.pth",
+            url="https://www.dropbox.com/s/mlmubnz9xgbflm4/ckpt.pth",
+            licence="unknown",
+        ),
+        Checkpoint(
+            name="posecontrast-objectnet3d",
+            file="posecontrast-objectnet3d.pth",
+            url="https://github.com/YoungXIAO13/PoseContrast (the link in its README)",
+            licence="unknown",
+        ),
+    )
+}
+
+
+def checkpoint_file(name: str) -> Path:
+    """The path of a named checkpoint, checked as far as it can be.
+
+    Raises:
+        DependencyError: it is not there, is not the published file, or has changed since its first use.
+        KeyError: no checkpoint has that name.
+    """
+    checkpoint = CHECKPOINTS[name]
+    path = checkpoint.path
+    if not path.is_file():
+        raise DependencyError(
+            f"the weights {name} are not fetched by cadpose, for no SHA-256 of them is published: "
+            f"fetch {checkpoint.url} and put it at {path}"
+        )
+    if checkpoint.md5 and _digest(path, "md5") != checkpoint.md5:
+        raise DependencyError(f"{path} is not the published file (MD5 differs): fetch {checkpoint.url} again")
+    digest, record = _digest(path, "sha256"), path.with_name(path.name + ".sha256")
+    try:
+        known = record.read_text(encoding="ascii").split()[0] if record.is_file() else ""
+    except (OSError, ValueError, IndexError):
+        known = "unreadable"
+    if not known:
+        write_atomic(record, f"{digest}  {path.name}\n".encode("ascii"))
+        log.warning("%s is used for the first time; its SHA-256 %s is now kept in %s", path, digest, record)
+    elif known != digest:
+        raise DependencyError(
+            f"{path} has changed since its first use (SHA-256 differs from {record.name} beside it): "
+            f"fetch {checkpoint.url} again, or delete {record} if you know why"
+        )
+    return path
+
+
+def load_initial(network: PoseContrast, init: str) -> Literal["random", "encoder", "network"]:
+    """Set weights to start from, in place.
+
+    Args:
+        network: As it was made, its weights random.
+        init: ``"random"``, a key of :data:`CHECKPOINTS`, or a path.
+
+    Returns:
+        What was set: nothing, the encoder only, or all.
+
+    Raises:
+        DependencyError: a named checkpoint is not there or not the right file.
+        InputError: a file cannot be read or does not fit.
+    """
+    if init == "random":
+        return "random"
+    path = checkpoint_file(init) if init in CHECKPOINTS else Path(init)
+    return load_weights(network, read_checkpoint(path), str(path))
+
+
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """A file of ``torch.save``: tensors, numbers, texts and containers of them, nothing else.
+
+    Raises:
+        InputError: it is not there, too large, or holds anything else.
+    """
+    try:
+        size = path.stat().st_size
+        if not path.is_file():
+            raise InputError(f"{path}: is not a file, name a checkpoint")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}), check the path") from error
+    if size > MAX_BYTES:
+        raise InputError(f"{path}: larger than {MAX_BYTES >> 30} GiB, which no checkpoint of this network is")
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # the unpickler raises anything at all on hostile bytes
+        log.debug("%s", path, exc_info=True)
+        raise InputError(
+            f"{path}: is no checkpoint of plain tensors ({type(error).__name__}), fetch or save it anew"
+        ) from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: holds no dictionary of weights")
+    return content
+
+
+def load_weights(
+    network: PoseContrast, content: Mapping[str, Any], name: str
+) -> Literal["encoder", "network"]:
+    """Set weights from a checkpoint's content, in place.
+
+    Understood are the authors' checkpoints and cadpose's own (``net_feat`` and ``net_vp``), MoCo v2's
+    (``state_dict`` with ``module.encoder_q.*``), the authors' converted form of it (``model``), and plain
+    ResNet-50 weights. Last layers ``fc`` of encoders are left out.
+
+    Returns:
+        ``"network"`` when heads came too, else ``"encoder"``.
+
+    Raises:
+        InputError: a parameter is missing, of another shape, or not finite.
+    """
+    if "net_feat" in content and "net_vp" in content:
+        encoder, head = _tensors(content["net_feat"], name), _tensors(content["net_vp"], name)
+        _set(network.net_feat, _without_last(encoder), name)
+        _set(network.net_vp, head, name)
+        return "network"
+    weights = _tensors(content.get("state_dict", content.get("model", content)), name)
+    if any(key.startswith(MOCO_PREFIX) for key in weights):
+        weights = {k.removeprefix(MOCO_PREFIX): v for k, v in weights.items() if k.startswith(MOCO_PREFIX)}
+    _set(network.net_feat, _without_last(weights), name)
+    return "encoder"
+
+
+def _tensors(value: Any, name: str) -> dict[str, Tensor]:
+    if not isinstance(value, Mapping):
+        raise InputError(f"{name}: holds no dictionary of weights")
+    return {str(k): v for k, v in value.items() if isinstance(v, Tensor)}
+
+
+def _without_last(weights: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {k: v for k, v in weights.items() if not k.startswith("fc.")}
+
+
+def _set(module: nn.Module, weights: dict[str, Tensor], name: str) -> None:
+    """Strict, but for counters of batches, which old checkpoints lack, and for what the module has not."""
+    wanted = module.state_dict()
+    for key, own in wanted.items():
+        if key not in weights:
+            if key.endswith("num_batches_tracked"):
+                continue
+            raise InputError(f"{name}: is not a checkpoint of this network, it has no {key}")
+        if weights[key].shape != own.shape:
+            raise InputError(
+                f"{name}: {key} has shape {tuple(weights[key].shape)}, this network's has {tuple(own.shape)}"
+            )
+        if not torch.isfinite(weights[key]).all():
+            raise InputError(f"{name}: {key} holds values that are not numbers")
+    module.load_state_dict(wanted | {k: v for k, v in weights.items() if k in wanted})
+
+
+def _digest(path: Path, algorithm: str) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, algorithm).hexdigest()
