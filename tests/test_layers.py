@@ -36,7 +36,7 @@ STAGES = {"detection", "rotation", "similarity", "alignment"}
 # Where stages meet: the story of a photo, and the names that a user may choose stages by.
 JOINERS = {"pipeline", "backends"}
 # Optional, heavy or under another licence: only inside a function, when asked for.
-NEVER_AT_MODULE_LEVEL = {"torch", "torchvision", "bpy", "ray"}
+NEVER_AT_MODULE_LEVEL = {"torch", "torchvision", "bpy", "ray", "matplotlib"}
 # Not even inside a function.
 NEVER = {"torchvision", "ultralytics"}
 MOST_PUBLIC_NAMES = 15
