@@ -6,7 +6,6 @@ own Content-Security-Policy forbids everything but inline styles and inlined pic
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -16,6 +15,7 @@ from urllib.parse import quote
 from PIL import Image
 
 from cadpose.annotations.document import AnnotationDocument, FailurePart
+from cadpose.annotations.page import data_uri, jpeg_uri, page, text
 from cadpose.annotations.parts import AnnotationPart, HypothesisPart
 from cadpose.annotations.strip import LIMIT
 from cadpose.annotations.style import colour_of, jpeg_bytes, object_crop, png_bytes, short, view_image
@@ -23,32 +23,6 @@ from cadpose.geometry.boxes import Box
 from cadpose.records import Photo, Views
 
 _TILE = 176
-_STYLE = """
-:root{color-scheme:light dark;--paper:#fff;--ink:#181c21;--faint:#626a73;--line:#dfe3e8;--tile:#eff1f4}
-@media(prefers-color-scheme:dark){
-:root{--paper:#15181c;--ink:#e8eaed;--faint:#9aa3ad;--line:#2d333a;--tile:#aab0b8}}
-*{box-sizing:border-box}
-body{margin:0 auto;max-width:1180px;padding:24px 20px 48px;background:var(--paper);color:var(--ink);
-font:15px/1.45 system-ui,sans-serif;overflow-wrap:anywhere}
-h1{font-size:20px;margin:0 0 2px}h2{font-size:17px;margin:34px 0 6px;padding-left:10px;
-border-left:5px solid var(--c,var(--line))}
-p{margin:0 0 10px}.faint,figcaption span:not(.flag),dt{color:var(--faint)}
-img{display:block;max-width:100%;height:auto}
-.overlay{width:100%;margin-top:14px;border-radius:6px}
-.strip{display:grid;grid-template-columns:repeat(auto-fill,minmax(165px,1fr));gap:10px;margin:12px 0}
-figure{margin:0;font-size:13px}figcaption{padding:4px 2px;line-height:1.35}
-figcaption span:not(.flag){display:block}
-.tile{display:flex;align-items:center;justify-content:center;aspect-ratio:1;background:var(--tile);
-border-radius:5px;overflow:hidden}.tile img{max-height:100%}
-.best .tile{outline:3px solid var(--c)}
-dl{display:grid;grid-template-columns:max-content 1fr;gap:2px 14px;margin:8px 0;font-size:14px}dd{margin:0}
-.flag{margin-left:10px;padding:1px 8px;border-radius:9px;font-size:12px;font-weight:600;
-background:#ffd34d;color:#181c21;vertical-align:2px;white-space:nowrap}
-.gallery{display:grid;grid-template-columns:repeat(auto-fill,minmax(250px,1fr));gap:18px;margin-top:18px}
-.gallery a{color:inherit;text-decoration:none}.gallery .tile{aspect-ratio:4/3;background:var(--line)}
-.gallery .tile img{width:100%;height:100%;object-fit:contain}
-"""
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +66,9 @@ def card_html(
     width, height = document.photo.size
     found = len(document.annotations)
     body = [
-        f"<h1>{_text(document.photo.name)}</h1>",
+        f"<h1>{text(document.photo.name)}</h1>",
         f'<p class="faint">{width} × {height} px · {_count(found, "object")} annotated</p>',
-        f'<img class="overlay" alt="The photo with the models drawn over it" src="{_jpeg(overlay)}">',
+        f'<img class="overlay" alt="The photo with the models drawn over it" src="{jpeg_uri(overlay)}">',
     ]
     for number, (part, views) in enumerate(zip(document.annotations, renders, strict=True)):
         body.append(_object(photo, part, views, number))
@@ -102,7 +76,7 @@ def card_html(
         body.append("<h2>Found but not annotated</h2><dl>")
         body.extend(_failure(failure) for failure in document.failures)
         body.append("</dl>")
-    return _page(document.photo.name, "\n".join(body))
+    return page(document.photo.name, "\n".join(body))
 
 
 def index_html(cards: Iterable[GalleryEntry], title: str = "cadpose") -> str:
@@ -118,16 +92,16 @@ def index_html(cards: Iterable[GalleryEntry], title: str = "cadpose") -> str:
         flag = '<span class="flag">needs review</span>' if doubtful else ""
         tiles.append(
             f'<a href="{escape(quote("./" + entry.card), quote=True)}"><figure>'
-            f'<div class="tile"><img alt="" src="{_uri("jpeg", entry.thumbnail)}"></div>'
-            f"<figcaption>{_text(PurePosixPath(entry.document.photo.name).name)}{flag}"
-            f"<span>{_text(models) if models else 'no object was annotated'}</span></figcaption></figure></a>"
+            f'<div class="tile"><img alt="" src="{data_uri("jpeg", entry.thumbnail)}"></div>'
+            f"<figcaption>{text(PurePosixPath(entry.document.photo.name).name)}{flag}"
+            f"<span>{text(models) if models else 'no object was annotated'}</span></figcaption></figure></a>"
         )
     body = (
-        f"<h1>{_text(title)}</h1>"
+        f"<h1>{text(title)}</h1>"
         f'<p class="faint">{_count(total, "photo")}, {_count(annotated, "object")} annotated</p>'
         f'<div class="gallery">{"".join(tiles)}</div>'
     )
-    return _page(title, body)
+    return page(title, body)
 
 
 def _object(photo: Photo, part: AnnotationPart, views: Views, number: int) -> str:
@@ -135,9 +109,11 @@ def _object(photo: Photo, part: AnnotationPart, views: Views, number: int) -> st
         raise ValueError(f"{len(views)} views do not fit {len(part.candidates)} candidates")
     red, green, blue = colour_of(number)
     crop = object_crop(photo, Box(*part.detection.box), _TILE)
-    figures = [_figure(_jpeg(crop), "the photo", f"{part.detection.category} {part.detection.score:.2f}", "")]
+    figures = [
+        _figure(jpeg_uri(crop), "the photo", f"{part.detection.category} {part.detection.score:.2f}", "")
+    ]
     for i, candidate in enumerate(part.candidates[: min(len(views), LIMIT)]):
-        source = _uri("png", png_bytes(view_image(views, i, _TILE)))
+        source = data_uri("png", png_bytes(view_image(views, i, _TILE)))
         caption = f"{i + 1} · {candidate.score:.3f}"
         figures.append(_figure(source, caption, candidate.cad.name, "best" if i == 0 else ""))
     cad, pose = part.cad, part.pose
@@ -153,11 +129,11 @@ def _object(photo: Photo, part: AnnotationPart, views: Views, number: int) -> st
         "Licence": " · ".join(text for text in (cad.licence, cad.creator, cad.source) if text),
         "Time": ", ".join(f"{stage} {spent:.2f} s" for stage, spent in part.seconds.items()),
     }
-    rows = "".join(f"<dt>{name}</dt><dd>{_text(value)}</dd>" for name, value in facts.items() if value)
+    rows = "".join(f"<dt>{name}</dt><dd>{text(value)}</dd>" for name, value in facts.items() if value)
     flag = '<span class="flag">needs review</span>' if _flagged(part.hypotheses) else ""
     return (
         f'<section style="--c:rgb({red},{green},{blue})">'
-        f"<h2>{_text(part.detection.category)} · {_text(cad.name)}{flag}</h2>"
+        f"<h2>{text(part.detection.category)} · {text(cad.name)}{flag}</h2>"
         f'<div class="strip">{"".join(figures)}</div><dl>{rows}</dl></section>'
     )
 
@@ -180,35 +156,14 @@ def _confidence(part: AnnotationPart) -> str:
 def _figure(source: str, first: str, second: str, kind: str) -> str:
     return (
         f'<figure class="{kind}"><div class="tile"><img alt="" src="{source}"></div>'
-        f"<figcaption>{_text(first)}<span>{_text(short(second, 80))}</span></figcaption></figure>"
+        f"<figcaption>{text(first)}<span>{text(short(second, 80))}</span></figcaption></figure>"
     )
 
 
 def _failure(failure: FailurePart) -> str:
     detection = failure.detection
-    return f"<dt>{_text(detection.category)} {detection.score:.2f}</dt><dd>{_text(failure.reason)}</dd>"
-
-
-def _page(title: str, body: str) -> str:
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
-        f"<title>{_text(title)}</title><style>{_STYLE}</style></head>\n<body>\n{body}\n</body></html>\n"
-    )
+    return f"<dt>{text(detection.category)} {detection.score:.2f}</dt><dd>{text(failure.reason)}</dd>"
 
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def _text(value: str) -> str:
-    return escape(short(value, 400), quote=True)
-
-
-def _jpeg(image: Image.Image) -> str:
-    return _uri("jpeg", jpeg_bytes(image))
-
-
-def _uri(kind: str, data: bytes) -> str:
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
