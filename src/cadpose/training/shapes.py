@@ -132,5 +132,7 @@ def training_items(
         ]
     items = [item for item in items if item.category not in LEFT_OUT]
     if not items:
-        raise InputError("there is no model for training: install sweethome3d-furniture or set CADPOSE_BENCH.")
+        raise InputError(
+            "there is no model for training: install sweethome3d-furniture or set CADPOSE_BENCH."
+        )
     return items
