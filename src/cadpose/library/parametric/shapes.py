@@ -290,43 +290,64 @@ def bar(start: Triple, end: Triple, width: float, depth: float | None = None, ta
     return tube([start, end], [1.0, taper], section=rectangle(width, depth), up=lift)
 
 
-def rectangle(width: float, height: float, radius: float = 0.0, steps: int = 3) -> Array:
+def rectangle(
+    width: float, height: float, radius: float = 0.0, steps: int = 3, centre: tuple[float, float] = (0.0, 0.0)
+) -> Array:
     """(4 or 4 (steps + 1), 2) outline of a rectangle, counter-clockwise, with round corners if asked."""
     w, h = width / 2, height / 2
     if radius <= 0:
-        return np.array([[w, -h], [w, h], [-w, h], [-w, -h]])
+        return np.asarray(np.array([[w, -h], [w, h], [-w, h], [-w, -h]]) + centre)
     r = min(radius, w * 0.999, h * 0.999)
     outline = []
     for quarter, (sx, sy) in enumerate(((1, -1), (1, 1), (-1, 1), (-1, -1))):
         angle = np.radians(-90 + 90 * quarter) + np.linspace(0.0, np.pi / 2, steps + 1)
         middle = np.array([sx * (w - r), sy * (h - r)])
-        outline.append(middle + r * np.stack([np.cos(angle), np.sin(angle)], 1))
+        outline.append(middle + centre + r * np.stack([np.cos(angle), np.sin(angle)], 1))
     return np.concatenate(outline)
 
 
-def extrude(outline: ArrayLike, depth: float, plane: str = "xy") -> Solid:
+def extrude(
+    outline: ArrayLike, depth: float, plane: str = "xy", radius: float = 0.0, steps: int = 3
+) -> Solid:
     """A simple polygon made solid, its middle in the plane.
 
     Args:
         outline: (N, 2) corners in either order; may be concave, holes are not possible.
         depth: Thickness across the plane.
         plane: ``"xy"`` (seen from the front or back), ``"zy"`` (from the side) or ``"xz"`` (from above).
+        radius: The rims are rounded by so much, as upholstery is.
+        steps: Facets of a rounded rim.
     """
     flat = np.asarray(outline, np.float64)
     x, y = flat.T
     if float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) < 0:
         flat = flat[::-1]
     n = len(flat)
-    cap = _ears(flat)
-    i = np.arange(n)
-    j = (i + 1) % n
-    side = np.concatenate([np.stack([i, j, j + n], 1), np.stack([i, j + n, i + n], 1)])
-    vertices = np.concatenate([np.column_stack([flat, np.full(n, z)]) for z in (-depth / 2, depth / 2)])
-    solid = Solid(vertices, np.concatenate([cap[:, ::-1], cap + n, side]).astype(np.int64))
+    r = min(radius, depth / 2)
+    angle = np.linspace(0.0, np.pi / 2, steps + 1) if r > 0 else np.zeros(1)
+    rim = [(r * (1 - np.sin(a)), -depth / 2 + r * (1 - np.cos(a))) for a in angle]
+    levels = rim + [(inset, -z) for inset, z in reversed(rim)]
+    rows = np.array([np.column_stack([_inset(flat, inset), np.full(n, z)]) for inset, z in levels])
+    skin = loft(rows, capped=False)
+    cap = _ears(rows[0, :, :2])
+    top = cap + (len(levels) - 1) * n
+    solid = Solid(skin.vertices, np.concatenate([cap[:, ::-1], top, skin.faces]).astype(np.int64))
     if plane == "xy":
         return solid
     order = {"zy": [2, 1, 0], "xz": [0, 2, 1]}[plane]
-    return Solid(vertices[:, order], solid.faces[:, ::-1])
+    return Solid(solid.vertices[:, order], solid.faces[:, ::-1])
+
+
+def _inset(flat: Array, by: float) -> Array:
+    """A counter-clockwise polygon with its sides moved inwards."""
+    if by <= 0:
+        return flat
+    ahead = np.roll(flat, -1, axis=0) - flat
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
+    behind = np.roll(ahead, 1, axis=0)
+    inward = np.stack([-ahead[:, 1] - behind[:, 1], ahead[:, 0] + behind[:, 0]], 1) / 2
+    square = np.maximum((inward**2).sum(axis=1, keepdims=True), 0.25)
+    return np.asarray(flat + by * inward / square)
 
 
 def _ears(flat: Array) -> Ints:

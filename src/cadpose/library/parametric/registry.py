@@ -1,0 +1,34 @@
+"""Which categories can be made, and the way to make one model."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+
+import numpy as np
+from numpy.random import Generator
+
+from cadpose.errors import InputError
+from cadpose.library.mesh import Mesh
+from cadpose.library.parametric.chairs import chair
+from cadpose.library.parametric.sofas import sofa
+
+GENERATORS: dict[str, Callable[[Generator], Mesh]] = {
+    "chair": chair,
+    "sofa": sofa,
+}
+"""By library category: a function that draws one model from a random generator."""
+
+
+def make(category: str, seed: int) -> Mesh:
+    """One model of a category; the same seed gives the same mesh.
+
+    Raises:
+        InputError: there is no generator for the category.
+    """
+    if category not in GENERATORS:
+        raise InputError(
+            f"no parametric model of category {category!r}; there are {', '.join(sorted(GENERATORS))}."
+        )
+    # The category is part of the seed: equal seeds do not paint all categories alike.
+    return GENERATORS[category](np.random.default_rng((zlib.crc32(category.encode()), seed)))
