@@ -60,10 +60,14 @@ def random_word(rng: Generator, letters: int, digits: int = 0) -> str:
     return word + "".join(str(int(i)) for i in rng.integers(10, size=digits))
 
 
-def number_plate(rng: Generator, centre: tuple[float, float, float], to_front: bool) -> tuple[Paint, Solid]:
-    """A plate of a made-up number, to be added to a builder."""
+def number_plate(
+    rng: Generator, centre: tuple[float, float, float], to_front: bool, width: float = 0.0
+) -> tuple[Paint, Solid]:
+    """A plate of a made-up number, to be added to a builder; a car's unless a width is given."""
     paper = [(240, 240, 236), (240, 240, 236), (235, 200, 60)][int(rng.integers(3))]
     word = f"{random_word(rng, 2)} {random_word(rng, 0, 3)}{random_word(rng, 1)}"
     image = text_picture(96, [(word, 0.5, 0.5, 0.17)], paper, (25, 25, 30))
     size = (0.50, 0.11, 0.012) if rng.random() < 0.7 else (0.34, 0.15, 0.012)
+    if width:
+        size = (width, 0.62 * width, 0.012)
     return picture_paint(image, size[0] * 1.05, "number plate", to_front), box(size).moved(*centre)
