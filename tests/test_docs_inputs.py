@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cadpose.datasets.labels import read_labels
+from cadpose.datasets.label_json import entry_from_label
+from cadpose.datasets.labels import Label, read_labels
+from cadpose.datasets.registry import KINDS
 from cadpose.detection.coco_json import FileDetector
 from cadpose.geometry.boxes import Box
 from cadpose.library.folder import folder_items
@@ -31,6 +34,31 @@ def test_the_label_file(tmp_path: Path) -> None:
     assert label.box == Box(100, 69, 685, 446)
     assert label.rotation == Rotation(275, 5)
     assert label.cad is not None
+
+
+def test_the_line_of_a_jsonl_file(tmp_path: Path) -> None:
+    entry = json.loads(example("datasets.md", r"^```json\n(.*?)^```$"))
+    path = tmp_path / "labels.jsonl"
+    path.write_text(json.dumps(entry) + "\n")
+    (label,) = read_labels(path, "motorcycle", "val")
+    assert label.rotation == Rotation(275, 5)
+    assert label.mask == tmp_path / "masks" / "motorcycle.png"
+    assert (label.focal_px, label.principal_px, label.t_cv) == (994.0, (370.5, 250.0), (0.05, 0.02, 2.1))
+    # The example's object lies in the middle of its photo, near enough: both rotations are the same.
+    np.testing.assert_allclose(label.R_cv_from_s, Rotation(275, 5).to_matrix(), atol=1e-6)
+    # The table names every key of the example, and the example every key that is read.
+    rows = re.findall(r"^\| (`[^|]*`) \|", (DOCS / "datasets.md").read_text(encoding="utf-8"), re.MULTILINE)
+    named = {key for row in rows for key in re.findall(r"`(\w+)`", row)} - set(KINDS)
+    assert named == set(entry) == set(entry_from_label(everything(tmp_path), str))
+
+
+def everything(folder: Path) -> Label:
+    """A label of which all is known."""
+    identity = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return Label(
+        folder / "a.png", "car", Box(0, 0, 1, 1), "x", 0.0, 0.0, 0.0, folder / "m.png", 9.0, (1.0, 1.0),
+        identity, (0.0, 0.0, 1.0), "val", True, True, True, "mine",
+    )  # fmt: skip
 
 
 def test_the_detections_file(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cadpose.datasets import labels as labels_module
+from cadpose.datasets import files as files_module
 from cadpose.datasets.labels import Label, object_in_photo, read_gallery, read_labels
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
@@ -140,7 +140,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     binary.write_bytes(b"\xff\xd8\xff\xe0 no text")
     with pytest.raises(InputError, match="is not valid JSON"):
         read_labels(binary)
-    monkeypatch.setattr(labels_module, "MAX_BYTES", 10)
+    monkeypatch.setattr(files_module, "MAX_BYTES", 10)
     with pytest.raises(InputError, match=r"labels\.json: larger than"):
         read_labels(write(tmp_path, [GOOD]))
 

@@ -22,14 +22,19 @@ from cadpose.cli.output import complain, print_json, print_table, progress_bar
 
 app = typer.Typer(help="Tables over labelled photographs.", no_args_is_help=True)
 
-_Labels = Annotated[Path, typer.Argument(help="JSON array: photo, box, category, cad, azimuth ...")]
+_Labels = Annotated[Path, typer.Argument(help="Label file, JSON or JSONL: photo, box, category, azimuth ...")]
 _Category = Annotated[str | None, typer.Option("--category", help="Only labels of this category.")]
+_Split = Annotated[str | None, typer.Option("--split", help="Only labels of this split.")]
 
 
 @app.command("rotation")
 def rotation(
     labels: _Labels,
     category: _Category = None,
+    split: _Split = None,
+    unoccluded: Annotated[
+        bool, typer.Option("--unoccluded", help="Only labels that are neither occluded nor truncated.")
+    ] = False,
     library: LibraryFolder = None,
     candidates: Candidates = 10,
     renderer: RendererName = "raster",
@@ -41,11 +46,13 @@ def rotation(
 
     Exit code 1: a photo failed; the others were evaluated.
     """
-    from cadpose.datasets.labels import object_in_photo, read_labels
+    from cadpose.datasets.labels import object_in_photo, only_unoccluded, read_labels
     from cadpose.errors import CadposeError
     from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
 
-    wanted = read_labels(labels, category)
+    wanted = read_labels(labels, category, split)
+    if unoccluded:
+        wanted = only_unoccluded(wanted, labels)
     annotator = make_annotator(library, device=device, seed=seed, candidates=candidates, renderer=renderer)
     with progress_bar("rotation", len(wanted)) as bar:
         results = evaluate_rotation(
@@ -99,6 +106,7 @@ def retrieval(
         typer.Option("--rotation", help="Compare at the labelled or at the estimated rotation."),
     ] = "estimated",
     category: _Category = None,
+    split: _Split = None,
     library: LibraryFolder = None,
     candidates: Candidates = 10,
     similarity: Similarity = "aligned",
@@ -115,7 +123,7 @@ def retrieval(
     from cadpose.errors import CadposeError, InputError
     from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_ranking, retrieval_table
 
-    wanted = [label for label in read_labels(labels, category) if label.cad is not None]
+    wanted = [label for label in read_labels(labels, category, split) if label.cad is not None]
     if not wanted:
         raise InputError(f"{labels}: no label names its cad")
     annotator = make_annotator(

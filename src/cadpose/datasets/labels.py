@@ -6,31 +6,23 @@ may be known is listed in docs/datasets.md; other keys are ignored.
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
-import stat
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any, BinaryIO
 
+from cadpose.datasets.files import json_lines, read_json
 from cadpose.datasets.label import Label, RunLengths, mask_in_photo, object_in_photo
 from cadpose.datasets.label_json import entry_from_label, label_from_entry, library_category
 from cadpose.errors import InputError
 from cadpose.library.storage import write_atomic
 
 __all__ = [
-    "Label", "RunLengths", "iter_labels", "mask_in_photo", "object_in_photo", "read_gallery",
-    "read_labels", "write_labels",
+    "Label", "RunLengths", "iter_labels", "mask_in_photo", "object_in_photo", "only_unoccluded",
+    "read_gallery", "read_labels", "write_labels",
 ]  # fmt: skip
 
-#: Largest JSON array that is read; it is held in memory as a whole.
-MAX_BYTES = 256 * 2**20
-#: Largest JSONL file, and the longest of its lines (a mask as run lengths takes some kB).
-MAX_JSONL_BYTES = 2 * 2**30
-MAX_LINE_BYTES = 4 * 2**20
 #: Endings that mean one object a line.
 JSONL_SUFFIXES = frozenset({".jsonl", ".ndjson"})
 
@@ -61,6 +53,18 @@ def read_labels(path: Path, category: str | None = None, split: str | None = Non
     return chosen
 
 
+def only_unoccluded(labels: Iterable[Label], path: Path) -> list[Label]:
+    """The labels that published class means count: neither occluded nor truncated.
+
+    Raises:
+        InputError: none is left; the message names ``path``.
+    """
+    kept = [label for label in labels if not (label.occluded or label.truncated)]
+    if not kept:
+        raise InputError(f"{path}: every label is occluded or truncated, leave out --unoccluded")
+    return kept
+
+
 def iter_labels(path: Path) -> Iterator[Label]:
     """Every label of a file in order; JSONL is read line by line.
 
@@ -68,10 +72,10 @@ def iter_labels(path: Path) -> Iterator[Label]:
         InputError: the file cannot be read, is no label file, or an entry is wrong.
     """
     if path.suffix.lower() in JSONL_SUFFIXES:
-        for number, entry in _json_lines(path):
+        for number, entry in json_lines(path):
             yield label_from_entry(entry, f"{path}: line {number}", path.parent)
         return
-    entries = _read_json(path)
+    entries = read_json(path)
     if not isinstance(entries, list):
         raise InputError(f"{path}: expected a JSON array of labels, found {type(entries).__name__}")
     for i, entry in enumerate(entries):
@@ -115,60 +119,9 @@ def read_gallery(path: Path) -> list[str]:
     Raises:
         InputError: the file cannot be read or is not an array of strings.
     """
-    ids = _read_json(path)
+    ids = read_json(path)
     if not isinstance(ids, list) or not ids or not all(isinstance(i, str) for i in ids):
         raise InputError(
             f"{path}: expected a JSON array of CAD ids as `cadpose library list --json` prints them"
         )
     return list(dict.fromkeys(ids))
-
-
-def _json_lines(path: Path) -> Iterator[tuple[int, Any]]:
-    """(line number from 1, value) of every line that is not blank."""
-    read = 0
-    with _opened(path) as file:
-        for number in itertools.count(1):
-            line = file.readline(MAX_LINE_BYTES + 1)
-            if not line:
-                return
-            read += len(line)
-            where = f"{path}: line {number}"
-            if len(line) > MAX_LINE_BYTES:
-                raise InputError(
-                    f"{where} is longer than {MAX_LINE_BYTES >> 20} MiB, write one object a line"
-                )
-            if read > MAX_JSONL_BYTES:
-                raise InputError(
-                    f"{path}: larger than {MAX_JSONL_BYTES >> 20} MiB, split it into several files"
-                )
-            if line.strip():
-                yield number, _decoded(line, where)
-
-
-def _read_json(path: Path) -> Any:
-    with _opened(path) as file:
-        # A file's size may be told wrong, as in /proc, or grow.
-        data = file.read(MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise InputError(f"{path}: larger than {MAX_BYTES >> 20} MiB, split it into several files")
-    return _decoded(data, str(path))
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[BinaryIO]:
-    try:
-        # Looked at before it is opened: opening a pipe would wait for a writer.
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise InputError(f"{path}: cannot be read (not a regular file), check the path")
-        with path.open("rb") as file:
-            yield file
-    except (OSError, ValueError) as error:  # ValueError: a name with a null character
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{path}: cannot be read ({reason}), check the path") from error
-
-
-def _decoded(data: bytes, where: str) -> Any:
-    try:
-        return json.loads(data.decode("utf-8"))
-    except (ValueError, RecursionError) as error:  # bad UTF-8, bad JSON, endless digits or brackets
-        raise InputError(f"{where}: is not valid JSON ({error})") from error
