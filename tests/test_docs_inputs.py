@@ -16,6 +16,7 @@ from cadpose.detection.coco_json import FileDetector
 from cadpose.geometry.boxes import Box
 from cadpose.library.folder import folder_items
 from cadpose.records import Photo, Rotation
+from tests.datasets.trees import camera_rotation
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 
@@ -45,7 +46,7 @@ def test_the_line_of_a_jsonl_file(tmp_path: Path) -> None:
     assert label.mask == tmp_path / "masks" / "motorcycle.png"
     assert (label.focal_px, label.principal_px, label.t_cv) == (994.0, (370.5, 250.0), (0.05, 0.02, 2.1))
     # The example's object lies in the middle of its photo, near enough: both rotations are the same.
-    np.testing.assert_allclose(label.R_cv_from_s, Rotation(275, 5).to_matrix(), atol=1e-6)
+    np.testing.assert_allclose(camera_rotation(label), Rotation(275, 5).to_matrix(), atol=1e-6)
     # The table names every key of the example, and the example every key that is read.
     rows = re.findall(r"^\| (`[^|]*`) \|", (DOCS / "datasets.md").read_text(encoding="utf-8"), re.MULTILINE)
     named = {key for row in rows for key in re.findall(r"`(\w+)`", row)} - set(KINDS)

@@ -19,7 +19,16 @@ from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import Rotation
-from tests.datasets.trees import EMPTY, objectnet3d_tree, pascal3d_tree, thing, view, write_mat
+from tests.datasets.trees import (
+    EMPTY,
+    YES,
+    camera_rotation,
+    objectnet3d_tree,
+    pascal3d_tree,
+    thing,
+    view,
+    write_mat,
+)
 
 pytest.importorskip("scipy")
 
@@ -33,7 +42,7 @@ def read(tmp_path: Path, *things: dict[str, Any], published: bool = False, split
 
 
 def test_every_field(tmp_path: Path) -> None:
-    (label,) = read(tmp_path, thing(truncated=np.uint8([[1]]), difficult=np.uint8([[1]])))
+    (label,) = read(tmp_path, thing(truncated=YES, difficult=YES))
     assert label.photo == tmp_path / "Images" / "car_pascal" / "2008_000002.jpg"
     assert (label.category, label.cad, label.source, label.split) == (
         "car",
@@ -69,11 +78,11 @@ def test_the_camera_projects_as_the_data_sets_own_tools_do(tmp_path: Path) -> No
     assert label.K is not None and label.t_cv is not None and label.rotation is not None
     points_p = np.random.default_rng(0).normal(scale=0.3, size=(20, 3))
     s_from_p = np.array([[-1, 0, 0], [0, 0, 1], [0, 1, 0]])
-    cv = points_p @ s_from_p.T @ np.array(label.R_cv_from_s).T + label.t_cv
+    cv = points_p @ s_from_p.T @ camera_rotation(label).T + label.t_cv
     pixels = cv @ label.K.T
     # A pixel centre that MATLAB calls (1, 1) is (0.5, 0.5) here.
     np.testing.assert_allclose(pixels[:, :2] / pixels[:, 2:], projected_by_pascal3d(points_p, v) - 0.5)
-    np.testing.assert_allclose(label.rotation.to_matrix(), label.R_cv_from_s)
+    np.testing.assert_allclose(label.rotation.to_matrix(), camera_rotation(label))
 
 
 def test_a_coarse_viewpoint_gives_a_rotation_and_no_camera(tmp_path: Path) -> None:
@@ -104,12 +113,11 @@ def test_splits_are_the_published_ones(tmp_path: Path) -> None:
 
 
 def test_published_filters(tmp_path: Path) -> None:
-    one = np.uint8([[1]])
     things = [
         thing(cad_index=1.0),
-        thing(cad_index=2.0, difficult=one),
-        thing(cad_index=3.0, truncated=one),
-        thing(cad_index=4.0, occluded=one),
+        thing(cad_index=2.0, difficult=YES),
+        thing(cad_index=3.0, truncated=YES),
+        thing(cad_index=4.0, occluded=YES),
         thing(cad_index=5.0, anchors=EMPTY),
         thing(cad_index=6.0, viewpoint=view(elevation=90.0)),
     ]

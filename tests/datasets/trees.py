@@ -10,14 +10,24 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from cadpose.datasets.label import Label
+from cadpose.geometry.frames import FloatArray
+
 EMPTY = np.zeros((0, 0))
+YES, NO = np.array([[1]], np.uint8), np.array([[0]], np.uint8)
 #: What MATLAB writes beside the fields that are read.
 VIEW: dict[str, Any] = {
     "azimuth_coarse": 100.0, "elevation_coarse": 0.0, "azimuth": 95.5, "elevation": 12.25, "distance": 5.5,
     "focal": 1.0, "px": 60.0, "py": 40.0, "theta": -3.5, "error": 1.5, "interval_azimuth": 4.0,
     "interval_elevation": 2.0, "num_anchor": 8.0, "viewport": 3000.0,
 }  # fmt: skip
-ANCHORS = {"left_front_wheel": {"location": np.array([[10.0, 20.0]]), "status": 1.0}}
+ANCHORS: dict[str, Any] = {"left_front_wheel": {"location": np.array([[10.0, 20.0]]), "status": 1.0}}
+
+
+def camera_rotation(label: Label) -> FloatArray:
+    """``R_cv_from_s`` as an array."""
+    assert label.R_cv_from_s is not None
+    return np.array(label.R_cv_from_s)
 
 
 def view(**changes: Any) -> dict[str, Any]:
@@ -29,8 +39,8 @@ def thing(**changes: Any) -> dict[str, Any]:
     """One object as PASCAL3D+ annotates it."""
     usual: dict[str, Any] = {
         "class": "car", "view": "", "bbox": np.array([[11.0, 21.0, 110.0, 70.0]]), "bndbox": EMPTY,
-        "polygon": EMPTY, "difficult": np.uint8([[0]]), "truncated": np.uint8([[0]]),
-        "occluded": np.uint8([[0]]), "anchors": ANCHORS, "viewpoint": view(), "cad_index": 3.0,
+        "polygon": EMPTY, "difficult": NO, "truncated": NO,
+        "occluded": NO, "anchors": ANCHORS, "viewpoint": view(), "cad_index": 3.0,
     }  # fmt: skip
     return {key: value for key, value in (usual | changes).items() if value is not None}
 
@@ -44,7 +54,11 @@ def write_mat(path: Path, things: Sequence[dict[str, Any]], **fields: Any) -> No
     for i, item in enumerate(things):
         for name in names:
             objects[0, i][name] = item[name]
-    record = {"folder": "VOC2012", "filename": f"{path.stem}.jpg", "imgsize": np.array([[120.0, 80.0, 3.0]])}
+    record: dict[str, Any] = {
+        "folder": "VOC2012",
+        "filename": f"{path.stem}.jpg",
+        "imgsize": np.array([[120.0, 80.0, 3.0]]),
+    }
     record |= {"segmented": 0.0, "objects": objects, **fields}
     path.parent.mkdir(parents=True, exist_ok=True)
     scipy.io.savemat(path, {"record": record}, do_compression=True, oned_as="row")

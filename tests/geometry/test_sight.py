@@ -16,7 +16,7 @@ pixels = st.tuples(st.floats(-2000, 4000), st.floats(-2000, 4000))
 def test_the_turn_puts_the_line_of_sight_on_the_axis(pixel: tuple[float, float], focal: float) -> None:
     turn = turn_to_sight(pixel, focal, (500, 400))
     sight = np.array([pixel[0] - 500, pixel[1] - 400, focal])
-    np.testing.assert_allclose(turn @ sight, [0, 0, np.linalg.norm(sight)], atol=1e-6)
+    np.testing.assert_allclose(turn @ sight, np.array([0, 0, np.linalg.norm(sight)]), atol=1e-6)
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-9)
     # No turn that does so is smaller: it is the angle off the axis.
     off_axis = np.rad2deg(np.arctan2(np.hypot(sight[0], sight[1]), focal))

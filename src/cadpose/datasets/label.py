@@ -101,7 +101,8 @@ class Label:
             if self.focal_px <= 0:
                 raise ValueError(f"focal length {self.focal_px} must be above 0")
         if self.R_cv_from_s is not None:
-            require_rotation(np.array(self.R_cv_from_s), "R", ROTATION_TOLERANCE)
+            # Clipped, for huge numbers would overflow into one that compares with nothing.
+            require_rotation(np.clip(self.R_cv_from_s, -10.0, 10.0), "R", ROTATION_TOLERANCE)
         if self.t_cv is not None and not (len(self.t_cv) == 3 and np.isfinite(self.t_cv).all()):
             raise ValueError("t must hold 3 finite numbers")
 
