@@ -10,10 +10,14 @@ from numpy.random import Generator
 
 from cadpose.errors import InputError
 from cadpose.library.mesh import Mesh
+from cadpose.library.parametric.beds import bed
+from cadpose.library.parametric.benches import bench
 from cadpose.library.parametric.chairs import chair
 from cadpose.library.parametric.sofas import sofa
 
 GENERATORS: dict[str, Callable[[Generator], Mesh]] = {
+    "bed": bed,
+    "bench": bench,
     "chair": chair,
     "sofa": sofa,
 }

@@ -168,7 +168,8 @@ def panel(outline: Array, thickness: float, radius: float, cells: int = 7) -> So
     """
     low, high = float(outline[:, 1].min()), float(outline[:, 1].max())
     inset = min(radius, (high - low) * 0.2)
-    inner = np.linspace(low + inset, high - inset, cells)
+    # Denser towards both ends, where round outlines turn.
+    inner = low + inset + (high - low - 2 * inset) * (1 - np.cos(np.linspace(0, np.pi, cells + 2))) / 2
     ends = np.array([0.0, inset * 0.3])
     levels = np.concatenate([low + ends, inner, high - ends[::-1]])
     step = float(np.ptp(outline[:, 0])) / cells
