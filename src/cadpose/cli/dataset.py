@@ -55,6 +55,6 @@ def convert(
         print_json({"written": written, "bad": len(bad), "categories": dict(sorted(counts.items()))})
     else:
         rows = [[name, str(count)] for name, count in sorted(counts.items())]
-        print_table(f"Labels in {out}", ["category", "labels"], [*rows, ["all", str(written)]])
+        print_table("Labels", ["category", "labels"], [*rows, ["all", str(written)]])
     if bad:
         raise typer.Exit(1)
