@@ -82,8 +82,8 @@ def board(
         count = int(rng.integers(4, 12))
         posts = [upright(s * half, 0.0, high - bow, 2 * r) for s in (1, -1)]
         parts = [(wood, p) for p in posts]
-        x = np.linspace(-half, half, 15)
-        arch = np.column_stack([x, high - bow * (x / half) ** 2, 0 * x])
+        across = np.linspace(-half, half, 15)
+        arch = np.column_stack([across, high - bow * (across / half) ** 2, 0 * across])
         parts += [(wood, shapes.tube(arch, r, sides=8)), (wood, rail(low, half, r * 1.6, r * 1.2))]
         for v in np.linspace(-half, half, count + 2)[1:-1]:
             parts.append((wood, upright(float(v), low, high - bow * float(v / half) ** 2, r * 1.1)))

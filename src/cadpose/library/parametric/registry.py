@@ -12,14 +12,20 @@ from cadpose.errors import InputError
 from cadpose.library.mesh import Mesh
 from cadpose.library.parametric.beds import bed
 from cadpose.library.parametric.benches import bench
+from cadpose.library.parametric.bookcases import bookcase
+from cadpose.library.parametric.cabinets import cabinet
 from cadpose.library.parametric.chairs import chair
 from cadpose.library.parametric.sofas import sofa
+from cadpose.library.parametric.tables import table
 
 GENERATORS: dict[str, Callable[[Generator], Mesh]] = {
     "bed": bed,
     "bench": bench,
     "chair": chair,
     "sofa": sofa,
+    "bookcase": bookcase,
+    "cabinet": cabinet,
+    "table": table,
 }
 """By library category: a function that draws one model from a random generator."""
 
