@@ -4,7 +4,7 @@
 
 It takes the Sweet Home 3D models of Debian's sweethome3d-furniture without those that
 src/cadpose/training/data/sweethome3d-exceptions.csv calls unfit, the base meshes and IKEA models in
-$CADPOSE_BENCH/cad by their tables, and parametric models, where cadpose has them: 40 a category.
+$CADPOSE_BENCH/cad by their tables, and parametric models: 40 a category.
 Parametric models that look like a held-out one are left out. Run again, it adds what is new.
 """
 
@@ -20,6 +20,7 @@ from cadpose.cli.output import complain, progress_bar
 from cadpose.errors import CadposeError
 from cadpose.library.catalogue import Library
 from cadpose.library.importing import AddReport, ImportItem
+from cadpose.library.parametric.items import parametric_items
 from cadpose.library.sweethome3d import installed_package
 from cadpose.training.held_out import near_duplicates, read_held_out
 from cadpose.training.shapes import LEFT_OUT, training_items
@@ -28,12 +29,8 @@ PARAMETRIC_A_CATEGORY = 40
 
 
 def parametric() -> list[ImportItem]:
-    """Seeds 0 to 39 of every category that has a generator; nothing where there is no importer yet."""
-    try:
-        from cadpose.library.parametric.importer import parametric_items
-    except ImportError:
-        return []
-    return [i for i in parametric_items(PARAMETRIC_A_CATEGORY) if i.category not in LEFT_OUT]
+    """Seeds 0 to 39 of every category that has a generator."""
+    return [i for i in parametric_items(count=PARAMETRIC_A_CATEGORY) if i.category not in LEFT_OUT]
 
 
 def add(library: Library, items: list[ImportItem], workers: int) -> AddReport:
@@ -51,7 +48,7 @@ def add(library: Library, items: list[ImportItem], workers: int) -> AddReport:
 def show(library: Library) -> None:
     """Counts by category and source, and how many of a category are held out."""
     held = read_held_out()
-    sources = sorted({m.source.split(":")[0] + ":" + m.source.split(":")[-1] for m in library.models()})
+    sources = sorted({m.source for m in library.models()})
     short = {s: s.split(":")[-1].removesuffix(".sh3f") for s in sources}
     print("category", *short.values(), "all", "held-out", sep="\t")
     for category, count in library.categories().items():
