@@ -180,7 +180,9 @@ def _reduced(image: NDArray[np.uint8], factor: float) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def retextured(scene: Scene, materials: NDArray[np.int64], texture: NDArray[np.uint8], uv: NDArray[np.float32]) -> Scene:
+def retextured(
+    scene: Scene, materials: NDArray[np.int64], texture: NDArray[np.uint8], uv: NDArray[np.float32]
+) -> Scene:
     """The scene with some materials covered by another texture.
 
     Args:

@@ -1,0 +1,1 @@
+"""The embedded rotation network: PoseContrast on an EfficientNet-Lite, trained on synthetic photos."""
