@@ -85,7 +85,9 @@ class Backdrops:
     def _room(self, rng: np.random.Generator, size: int) -> Picture:
         """A floor and a wall with a level line between them."""
         wall, floor = (
-            self._cut(rng, size, rng.uniform(0.1, 0.4)) if self.photos and rng.random() < 0.35 else _gradient(rng, size)
+            self._cut(rng, size, rng.uniform(0.1, 0.4))
+            if self.photos and rng.random() < 0.35
+            else _gradient(rng, size)
             for _ in range(2)
         )
         line = int(size * rng.uniform(0.15, 0.85))

@@ -44,7 +44,9 @@ def shade_ground(
     dark = np.zeros((size, size), np.float32)
     if to_light[1] > 0.25:
         reach = (points[:, 1] - ground) / to_light[1]
-        _fill(dark, points - reach[:, None] * to_light, camera, R, t_z, canvas.shape[0], rng.uniform(0.2, 0.6))
+        _fill(
+            dark, points - reach[:, None] * to_light, camera, R, t_z, canvas.shape[0], rng.uniform(0.2, 0.6)
+        )
     if len(low) > 2:
         foot = low.copy()
         foot[:, 1] = ground
@@ -78,7 +80,7 @@ def _fill(
 
 
 def cover(size: int, box: FloatArray, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """(size, size) alpha of something in front of an object's rectangle: a slab, a post, a blob or a wedge."""
+    """(size, size) alpha of something before an object's rectangle: a slab, a post, a blob or a wedge."""
     x0, y0, x1, y1 = box
     w, h = x1 - x0, y1 - y0
     alpha = np.zeros((size, size), np.uint8)
@@ -102,8 +104,8 @@ def cover(size: int, box: FloatArray, rng: np.random.Generator) -> NDArray[np.ui
         axes = (max(1, int(w * share)), max(1, int(h * share)))
         cv2.ellipse(alpha, middle, axes, float(rng.uniform(0, 180)), 0, 360, 255, -1)
     else:
-        middle = np.array([rng.uniform(x0, x1), rng.uniform(y0, y1)])
-        points = middle + rng.normal(size=(int(rng.integers(3, 7)), 2)) * np.array([w, h]) * share
+        about = np.array([rng.uniform(x0, x1), rng.uniform(y0, y1)])
+        points = about + rng.normal(size=(int(rng.integers(3, 7)), 2)) * np.array([w, h]) * share
         cv2.fillConvexPoly(alpha, cv2.convexHull(points.astype(np.int32)), 255)
     return np.asarray(cv2.GaussianBlur(alpha, (3, 3), 0), np.uint8)
 

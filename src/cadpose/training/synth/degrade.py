@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ Picture = NDArray[np.uint8]
 
 def degraded(picture: Picture, rng: np.random.Generator, chance: float) -> Picture:
     """The picture with exposure and white balance changed, and each other flaw with the given chance."""
-    out = picture
+    out: NDArray[Any] = picture
     if rng.random() < min(1.0, 2 * chance):
         gain = rng.uniform(0.75, 1.25) * rng.uniform(0.93, 1.07, 3)
         table = np.arange(256)[:, None] * gain + rng.uniform(-12, 12)
@@ -30,5 +32,5 @@ def degraded(picture: Picture, rng: np.random.Generator, chance: float) -> Pictu
         out = np.clip(out + noise * strength // 128, 0, 255).astype(np.uint8)
     if rng.random() < chance:
         _, data = cv2.imencode(".jpg", out, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(25, 92))])
-        out = cv2.imdecode(data, cv2.IMREAD_COLOR)
+        out = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))
     return np.asarray(out, np.uint8)

@@ -95,7 +95,9 @@ class SynthGenerator:
         layers = [main]
         for _ in range(2):
             if rng.random() < o.company:
-                other = self._placed(shapes[int(rng.integers(len(shapes)))], rng, lights, self._beside(rng, main))
+                other = self._placed(
+                    shapes[int(rng.integers(len(shapes)))], rng, lights, self._beside(rng, main)
+                )
                 layers.insert(0 if rng.random() < 0.6 else len(layers), other)
         for placed in layers:
             if rng.random() < o.shadow:

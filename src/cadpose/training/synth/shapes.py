@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cadpose.geometry.frames import FloatArray
 from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.records import CadModel
 from cadpose.rendering.scene import Scene, retextured
@@ -34,14 +35,16 @@ class Shape:
 def warped(scene: Scene, symmetry: SymmetryGroup, rng: np.random.Generator, strength: float = 1.0) -> Scene:
     """The scene with other proportions: scaled along each axis, stretched here and squeezed there, tapered.
 
-    Left and right stay alike. What would break the shape's own symmetry is left out: depth is not
-    stretched unevenly for one that looks alike after half a turn, and width and depth are scaled alike for one
-    that looks alike after less.
+    Left and right stay alike. What would break the shape's own symmetry is left out: depth is not stretched
+    unevenly for one that looks alike after half a turn, and width and depth are scaled alike for one that
+    looks alike after less.
     """
     sigma = 0.13 * strength
     x, y, z = scene.coordinates
     order = symmetry.about((0.0, 1.0, 0.0)).order
-    wide, high, deep = np.exp(np.clip(rng.normal(0.0, sigma, 3), -2.5 * sigma, 2.5 * sigma)).astype(np.float32)
+    wide, high, deep = np.exp(np.clip(rng.normal(0.0, sigma, 3), -2.5 * sigma, 2.5 * sigma)).astype(
+        np.float32
+    )
     if order > 2:
         deep = wide
     upward = _stretch(y, rng, strength)
@@ -57,10 +60,12 @@ def warped(scene: Scene, symmetry: SymmetryGroup, rng: np.random.Generator, stre
     return _moved(scene, new, normals)
 
 
-def _moved(scene: Scene, coordinates: NDArray[np.float32], normals: NDArray[np.float32]) -> Scene:
+def _moved(scene: Scene, coordinates: FloatArray, normals: FloatArray) -> Scene:
     flat = np.ascontiguousarray(coordinates, np.float32)
     low, high = flat.min(axis=1), flat.max(axis=1)
-    corners = np.array([(a, b, c) for a in (low[0], high[0]) for b in (low[1], high[1]) for c in (low[2], high[2])])
+    corners = np.array(
+        [(a, b, c) for a in (low[0], high[0]) for b in (low[1], high[1]) for c in (low[2], high[2])]
+    )
     return replace(
         scene,
         vertices=np.ascontiguousarray(flat.T),
@@ -146,4 +151,5 @@ def _shifted(rgb: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.f
     cross = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
     turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
     turned = grey + rng.uniform(0.3, 1.4) * ((rgb - grey) @ turn.T)
-    return np.clip(turned * rng.uniform(0.55, 1.5) + rng.uniform(-20, 20), 0, 255).astype(np.float32)
+    lit = turned * rng.uniform(0.55, 1.5) + rng.uniform(-20, 20)
+    return np.asarray(np.clip(lit, 0, 255), np.float32)

@@ -13,7 +13,7 @@ from cadpose.training.synth.options import Range
 
 
 def random_angles(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Azimuth, elevation and in-plane rotation as people take photos: any side, mostly level, mostly upright."""
+    """Azimuth, elevation and in-plane rotation as people take photos: any side, mostly level and upright."""
     kind = rng.random()
     if kind < 0.6:
         elevation = rng.normal(10.0, 9.0)
