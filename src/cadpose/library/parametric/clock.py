@@ -296,8 +296,8 @@ def _pendulum(build: Builder, rng: Generator) -> None:
         for x in (-0.05, 0.06):
             long = rng.uniform(0.1, 0.28)
             build.add(_BRASS, bar((x, low, 0.05), (x, low - long, 0.05), 0.004))
-            build.add(look, lathe([(0.006, 0), (0.015, 0.02), (0.013, 0.07), (0.004, 0.09)], 10, (x, low -
-                long - 0.05, 0.05)))  # fmt: skip
+            build.add(look, lathe([(0.006, 0), (0.015, 0.02), (0.013, 0.07), (0.004, 0.09)], 10, (x,
+                low - long - 0.05, 0.05)))  # fmt: skip
         build.add(look, bar((0, low, 0.03), (0.02, low - 0.2, 0.03), 0.008, 0.003))
         build.add(look, cylinder(0.03, 0.01, sides=18).turned("x", 90).moved(0.02, low - 0.21, 0.03))
         return
@@ -320,7 +320,7 @@ def _pendulum(build: Builder, rng: Generator) -> None:
 def _digital(build: Builder, rng: Generator) -> None:
     wide, high, deep = rng.uniform(0.13, 0.22), rng.uniform(0.055, 0.09), rng.uniform(0.05, 0.09)
     look = plastic(rng) if rng.random() < 0.7 else wood(rng)
-    build.add(look, rounded_box((wide, high, deep), (0, 0, deep / 2), float(rng.uniform(0.004, 0.02))))
+    build.add(look, rounded_box((wide, high, deep), (0, 0, deep / 2), float(rng.uniform(0.004, 0.02)), 2))
     ink = [(255, 40, 30), (60, 240, 90), (120, 200, 255), (245, 245, 245), (255, 170, 40)][
         int(rng.integers(5))
     ]

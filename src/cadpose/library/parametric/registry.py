@@ -10,11 +10,19 @@ from numpy.random import Generator
 
 from cadpose.errors import InputError
 from cadpose.library.mesh import Mesh
+from cadpose.library.parametric.bag import bag
 from cadpose.library.parametric.beds import bed
 from cadpose.library.parametric.benches import bench
+from cadpose.library.parametric.bicycle import bicycle
 from cadpose.library.parametric.bookcases import bookcase
+from cadpose.library.parametric.bottle import bottle
 from cadpose.library.parametric.cabinets import cabinet
+from cadpose.library.parametric.car import car
 from cadpose.library.parametric.chairs import chair
+from cadpose.library.parametric.clock import clock
+from cadpose.library.parametric.heavy import bus, truck
+from cadpose.library.parametric.kitchen import microwave, oven, washing_machine
+from cadpose.library.parametric.motorbike import motorbike
 from cadpose.library.parametric.sofas import sofa
 from cadpose.library.parametric.tables import table
 
@@ -26,6 +34,17 @@ GENERATORS: dict[str, Callable[[Generator], Mesh]] = {
     "bookcase": bookcase,
     "cabinet": cabinet,
     "table": table,
+    "car": car,
+    "bus": bus,
+    "truck": truck,
+    "motorbike": motorbike,
+    "bicycle": bicycle,
+    "clock": clock,
+    "bag": bag,
+    "bottle": bottle,
+    "oven": oven,
+    "microwave": microwave,
+    "washing machine": washing_machine,
 }
 """By library category: a function that draws one model from a random generator."""
 
