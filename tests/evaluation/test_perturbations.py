@@ -47,9 +47,8 @@ def test_turning_a_photo_turns_the_object_counter_clockwise() -> None:
 
     def drawn(inplane: float) -> FloatArray:
         R = Rotation(130.0, 20.0, inplane).to_matrix()
-        return Cameras.from_rotations(R, focal_px=200.0, principal_px=(0, 0), width=1, height=1).project(
-            points
-        )[0]
+        cameras = Cameras.from_rotations(R, focal_px=200.0, principal_px=(0, 0), width=1, height=1)
+        return np.asarray(cameras.project(points)[0])
 
     centre, turn = np.array([70.0, 60.0]), 25.0
     rgb = np.zeros((130, 150, 3), np.uint8)
@@ -123,6 +122,14 @@ def test_draws_are_seeded_and_stay_in_range(label: Label) -> None:
     # Sides move on their own.
     assert np.abs(np.corrcoef(moved.T) - np.eye(4)).max() < 0.6
     assert boxes[7] == Perturbation(jitter=0.1, seed=7).object_in_photo(label)[1]
+
+
+def test_words() -> None:
+    assert Perturbation().in_words() == ""
+    assert Perturbation(shrink=64).in_words() == "boxes shrunk to 64 px"
+    assert Perturbation(0.1, None, 15.0, 2).in_words() == (
+        "photos turned by up to 15°, boxes' sides moved by up to 10%, seed 2"
+    )
 
 
 def test_nothing_asked_changes_nothing(label: Label) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -19,6 +19,11 @@ from cadpose.cli.options import (
     make_annotator,
 )
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
+
+if TYPE_CHECKING:
+    from cadpose.evaluation.perturbations import Perturbation
+    from cadpose.evaluation.rotation import RotationResult
+    from cadpose.pipeline import Annotator
 
 app = typer.Typer(help="Tables over labelled photographs.", no_args_is_help=True)
 
@@ -35,6 +40,18 @@ def rotation(
     unoccluded: Annotated[
         bool, typer.Option("--unoccluded", help="Only labels that are neither occluded nor truncated.")
     ] = False,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="Folder of a page with diagrams and the worst photos.")
+    ] = None,
+    jitter: Annotated[
+        float, typer.Option("--jitter", min=0, max=0.49, help="Move the boxes' sides by up to this share.")
+    ] = 0,
+    shrink: Annotated[
+        int | None, typer.Option("--shrink", min=1, help="Leave so many pixels of the boxes' longer sides.")
+    ] = None,
+    turn: Annotated[
+        float, typer.Option("--turn", min=0, max=180, help="Turn the photos by up to so many degrees.")
+    ] = 0,
     library: LibraryFolder = None,
     candidates: Candidates = 10,
     renderer: RendererName = "raster",
@@ -46,23 +63,36 @@ def rotation(
 
     Exit code 1: a photo failed; the others were evaluated.
     """
-    from cadpose.datasets.labels import object_in_photo, only_unoccluded, read_labels
+    from cadpose.datasets.labels import only_unoccluded, read_labels
     from cadpose.errors import CadposeError
+    from cadpose.evaluation.confidence import confidence_figures
+    from cadpose.evaluation.perturbations import Perturbation
+    from cadpose.evaluation.report import prepare_report
     from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
+
+    try:
+        perturbation = Perturbation(jitter, shrink, turn, seed)
+    except ValueError as error:  # not a number is in no range, but passes typer's
+        raise typer.BadParameter(str(error)) from None
 
     wanted = read_labels(labels, category, split)
     if unoccluded:
         wanted = only_unoccluded(wanted, labels)
+    if report is not None:
+        # Before the long part, so that nothing is evaluated in vain.
+        prepare_report(report, [labels, *(label.photo for label in wanted)])
     annotator = make_annotator(library, device=device, seed=seed, candidates=candidates, renderer=renderer)
     with progress_bar("rotation", len(wanted)) as bar:
         results = evaluate_rotation(
-            wanted,
-            lambda label: annotator.estimate_rotation(*object_in_photo(label), label.category),
+            perturbation.turned_labels(wanted),
+            lambda label: annotator.estimate_rotation(*perturbation.object_in_photo(label), label.category),
             CadposeError,
             lambda _: bar.advance(bar.tasks[0].id),
         )
     _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason])
-    table = rotation_table(results)
+    table = rotation_table(results) | confidence_figures(results)
+    if report is not None:
+        _write_report(report, annotator, results, table, perturbation, str(labels))
     if json:
         print_json(table)
     else:
@@ -92,6 +122,9 @@ def rotation(
             )
         columns = ["category", "photos", "yield", "Acc@30 [95 %]", "Acc@10", "MedErr", "flips"]
         print_table("Rotation", columns, rows)
+        _print_confidence(table)
+        if report is not None:
+            typer.echo(f"Report: {report / 'report.html'}")
     _exit(table)
 
 
@@ -148,6 +181,42 @@ def retrieval(
             rows.append(["macro mean", "", *(_share(macro, k) for k in places)])
         print_table("CAD retrieval", ["category", "photos", "top-1 [95 %]", "top-2", "top-3"], rows)
     _exit(table)
+
+
+def _print_confidence(table: dict[str, Any]) -> None:
+    if table["ece"] is None:
+        return
+    typer.echo(f"Best of five hypotheses: Acc@30 {table['acc30_top5']:.1%}")
+    typer.echo(f"Probabilities: ECE {table['ece']:.3f}, Brier score {table['brier']:.3f}")
+    if table["precision_unflagged"] is not None:
+        kept, right = f"{table['coverage_unflagged']:.0%}", f"{table['precision_unflagged']:.1%}"
+        typer.echo(f"Not flagged for review: {kept}, {right} of them within 30°")
+
+
+def _write_report(
+    folder: Path,
+    annotator: Annotator,
+    results: Sequence[RotationResult],
+    table: dict[str, Any],
+    perturbation: Perturbation,
+    labels: str,
+) -> None:
+    from cadpose.evaluation.report import write_report
+    from cadpose.evaluation.worst import compare, worst_results
+
+    chosen = worst_results(results)
+    drawn = []
+    with progress_bar("report", len(chosen)) as bar:
+        for result in chosen:
+            drawn.append(compare(annotator, result, perturbation.object_in_photo))
+            bar.advance(bar.tasks[0].id)
+    facts = {
+        "Labels": labels,
+        "Estimator": annotator.rotation.name,
+        "Perturbation": perturbation.in_words(),
+        "Library": annotator.library.digest,
+    }
+    write_report(folder, results, table, [one for one in drawn if one is not None], facts)
 
 
 def _rows(table: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:

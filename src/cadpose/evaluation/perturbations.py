@@ -55,6 +55,19 @@ class Perturbation:
         if not 0.0 <= self.turn <= 180.0:
             raise ValueError(f"turn {self.turn} is outside [0, 180] degrees")
 
+    def in_words(self) -> str:
+        """What is done, empty where nothing is."""
+        words = []
+        if self.turn > 0.0:
+            words.append(f"photos turned by up to {self.turn:g}°")
+        if self.jitter > 0.0:
+            words.append(f"boxes' sides moved by up to {self.jitter:.0%}")
+        if self.shrink is not None:
+            words.append(f"boxes shrunk to {self.shrink} px")
+        # Where nothing is drawn the seed does not matter.
+        seed = [f"seed {self.seed}"] if self.turn > 0.0 or self.jitter > 0.0 else []
+        return ", ".join(words + seed)
+
     def angle(self, label: Label) -> float:
         """By how many degrees counter-clockwise the label's photo is turned."""
         return float(self._random(label, 0).uniform(-self.turn, self.turn))
