@@ -13,11 +13,6 @@ from cadpose.cli.output import print_json, print_table, progress_bar
 app = typer.Typer(help="Train networks on labelled photographs.", no_args_is_help=True)
 
 
-@app.callback()
-def _root() -> None:
-    """Keeps the verb's name even while it is the only one."""
-
-
 def _known_architecture(name: str) -> str:
     from cadpose.training.architectures import ARCHITECTURES
 

@@ -78,6 +78,8 @@ def _exported(model: nn.Module, images: Tensor) -> bytes:
         with warnings.catch_warnings():
             # The newer exporter needs onnxscript besides and takes ten times as long for the same graph.
             warnings.simplefilter("ignore", DeprecationWarning)
+            # Mean and deviation are constants, and meant to be.
+            warnings.simplefilter("ignore", torch.jit.TracerWarning)
             torch.onnx.export(
                 model,
                 (images,),

@@ -213,17 +213,17 @@ def loss_of(
     labels = torch.from_numpy(batch.labels).to(device).reshape(-1, 3)
     outputs: Outputs = network(torch.cat(images[:3]))
     angles = angle_loss(outputs.logits, outputs.offsets, labels)
-    loss, parts = angles, {"angle_loss": float(angles)}
+    loss, parts = angles, {"angle_loss": float(angles.detach())}
     if recipe.contrast:
         # In a pass of its own, as the authors do: BatchNorm sees the positives apart.
         positive = network.net_feat(images[3])
         query = outputs.features[: len(positive)]
         R = torch.from_numpy(batch.rotations()).to(device, query.dtype)
         contrast = pose_aware_nce(query, positive, R, recipe.weighting, recipe.temperature)
-        loss, parts["contrast_loss"] = angles + recipe.contrast * contrast, float(contrast)
+        loss, parts["contrast_loss"] = angles + recipe.contrast * contrast, float(contrast.detach())
     true = rotation_from_angles(*angles_from_labels(batch.labels.reshape(-1, 3)).T)
     errors = geodesic_degrees(rotation_from_angles(*_angles(outputs).T), true)
-    return loss, parts | {"loss": float(loss)}, errors
+    return loss, parts | {"loss": float(loss.detach())}, errors
 
 
 def _epoch(

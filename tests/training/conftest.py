@@ -1,0 +1,9 @@
+"""Networks need torch, which only ``cadpose[train]`` brings."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+if find_spec("torch") is None:
+    collect_ignore = ["test_losses.py"]
+    collect_ignore_glob = ["posecontrast/test_*.py"]
