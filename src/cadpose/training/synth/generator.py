@@ -74,9 +74,13 @@ class SynthGenerator:
         self.seed = seed
         self.backdrops = backdrops
         self._mesh, self._symmetry = mesh, symmetry
-        self._by_category: dict[str, list[CadModel]] = {}
-        for model in models:
-            self._by_category.setdefault(model.category, []).append(model)
+        # By origin, the first part of the id: a hundred models made by formula do not drown ten others.
+        self._by_category: dict[str, list[list[CadModel]]] = {}
+        for category in sorted({model.category for model in models}):
+            own = [model for model in models if model.category == category]
+            origins = sorted({model.id.partition("/")[0] for model in own})
+            groups = [[m for m in own if m.id.partition("/")[0] == origin] for origin in origins]
+            self._by_category[category] = groups
         self._categories = sorted(self._by_category)
         weights = np.array([self._weight(c) for c in self._categories])
         self._chances = weights / weights.sum()
@@ -114,7 +118,7 @@ class SynthGenerator:
         return SynthPhoto(index, rgb, tuple(found for found in objects if found is not None))
 
     def _weight(self, category: str) -> float:
-        return float(self.options.weights.get(category, np.sqrt(len(self._by_category[category]))))
+        return float(self.options.weights.get(category, np.sqrt(sum(map(len, self._by_category[category])))))
 
     def _shapes(self, series: int) -> list[Shape]:
         if self._series is None or self._series[0] != series:
@@ -124,7 +128,9 @@ class SynthGenerator:
 
     def _shape(self, rng: np.random.Generator) -> Shape:
         category = self._categories[rng.choice(len(self._categories), p=self._chances)]
-        models = self._by_category[category]
+        groups = self._by_category[category]
+        chances = np.sqrt([len(group) for group in groups])
+        models = groups[rng.choice(len(groups), p=chances / chances.sum())]
         cad = models[rng.integers(len(models))]
         if cad.id not in self._scenes:
             self._scenes[cad.id] = (build_scene(self._mesh(cad)), self._symmetry(cad))

@@ -1,0 +1,132 @@
+"""The embedded rotation network through ONNX Runtime: a crop and its category to distributions of the angles.
+
+The network is PoseContrast's heads on an EfficientNet-Lite, trained on synthetic photos by
+``cadpose train rotation``; docs/model-card.md tells on what, and how well it does.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cadpose.errors import DependencyError
+from cadpose.geometry.frames import FloatArray
+from cadpose.rotation.bins import BIN_DEGREES, BINS, angles_from_labels, probabilities
+
+#: Name of the shipped network.
+SHIPPED = "rotation.onnx"
+_ANGLES = ("azimuth", "elevation", "inplane")
+
+
+@dataclass(frozen=True, eq=False)
+class AngleDistributions:
+    """What the network says of one crop.
+
+    Attributes:
+        shares: (24,), (12,), (24,) probabilities of the bins of azimuth, elevation, in-plane rotation.
+        offsets: Where in each bin the angle lies, in shares of the bin, same shapes.
+        features: (1280,) pooled features.
+    """
+
+    shares: tuple[FloatArray, ...]
+    offsets: tuple[FloatArray, ...]
+    features: NDArray[np.float32]
+
+    def likeliest(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """(count, 3) angles of the likeliest triples of bins, and (count,) their probabilities."""
+        few = [np.argsort(-s, kind="stable")[:count] for s in self.shares]
+        joint = np.einsum("a,e,i->aei", *(s[k] for s, k in zip(self.shares, few, strict=True)))
+        first = np.argsort(-joint.ravel(), kind="stable")[:count]
+        places = np.unravel_index(first, joint.shape)
+        labels = [
+            (k[place] + o[k[place]]) * float(BIN_DEGREES)
+            for k, o, place in zip(few, self.offsets, places, strict=True)
+        ]
+        return angles_from_labels(np.stack(labels, axis=-1)), joint.ravel()[first]
+
+    def density(self, angles: FloatArray) -> FloatArray:
+        """(N, 3) angles in degrees to (N,) log probability of their bins, smooth between the bins' middles."""
+        labels = np.stack([-angles[:, 0] % 360.0, angles[:, 1] + 90.0, (angles[:, 2] + 180.0) % 360.0], axis=1)
+        total = np.zeros(len(angles))
+        for i, share in enumerate(self.shares):
+            n = BINS[i]
+            place = labels[:, i] / BIN_DEGREES - 0.5
+            low = np.floor(place).astype(int)
+            part = place - low
+            if i == 1:
+                a, b = np.clip(low, 0, n - 1), np.clip(low + 1, 0, n - 1)
+            else:
+                a, b = low % n, (low + 1) % n
+            total += np.log((1 - part) * share[a] + part * share[b] + 1e-6)
+        return total
+
+
+class RotationNetwork:
+    """Runs the network.
+
+    Args:
+        path: ONNX file; None for the shipped one.
+        device: ``"cpu"`` or ``"cuda"``.
+        threads: ONNX Runtime threads; 0 lets it choose.
+    """
+
+    def __init__(self, path: Path | None = None, device: str = "cpu", threads: int = 0) -> None:
+        self.path = path or Path(str(files("cadpose") / "data" / "weights" / SHIPPED))
+        self.device = device
+        self.threads = threads
+
+    @cached_property
+    def _session(self) -> Any:
+        import onnxruntime as ort
+
+        if not self.path.is_file():
+            raise DependencyError(f"there is no rotation network at {self.path}: reinstall cadpose.")
+        options = ort.SessionOptions()
+        options.intra_op_num_threads = self.threads
+        options.log_severity_level = 3
+        providers = ["CPUExecutionProvider"]
+        if self.device.startswith("cuda"):
+            providers.insert(0, "CUDAExecutionProvider")
+        return ort.InferenceSession(str(self.path), options, providers=providers)
+
+    @cached_property
+    def categories(self) -> tuple[str, ...]:
+        """The categories that the network was told of in training."""
+        return tuple(json.loads(self._session.get_modelmeta().custom_metadata_map["categories"]))
+
+    def look(self, crop: NDArray[np.uint8], category: str) -> AngleDistributions:
+        """Both the crop and its mirror image, averaged (PoseContrast keeps the more confident instead).
+
+        Args:
+            crop: (224, 224, 3) uint8; the longer side of the object's box fills the square, white beside it.
+            category: Library category; one that the network does not know counts as unknown.
+        """
+        told = np.zeros((1, len(self.categories)), np.float32)
+        if category in self.categories:
+            told[0, self.categories.index(category)] = 1.0
+        sides = [self._run(image, told) for image in (crop, np.ascontiguousarray(crop[:, ::-1]))]
+        shares, offsets = [], []
+        for i in range(3):
+            own, mirrored = sides[0][i], sides[1][i]
+            if i != 1:
+                # Label l of the mirror image is label -l: bins and offsets run the other way.
+                mirrored = (mirrored[0][::-1], 1.0 - mirrored[1][::-1])
+            share = (own[0] + mirrored[0]) / 2.0
+            weight = own[0] / np.maximum(own[0] + mirrored[0], 1e-12)
+            shares.append(share)
+            offsets.append(weight * own[1] + (1.0 - weight) * mirrored[1])
+        return AngleDistributions(tuple(shares), tuple(offsets), sides[0][3])
+
+    def _run(self, image: NDArray[np.uint8], told: NDArray[np.float32]) -> Sequence[Any]:
+        names = [*_ANGLES, *(f"{a}_offset" for a in _ANGLES), "features"]
+        out = self._session.run(names, {"images": image[None], "category": told})
+        pairs = [(probabilities(out[i][0]), out[3 + i][0].astype(np.float64)) for i in range(3)]
+        return [*pairs, out[6][0]]
