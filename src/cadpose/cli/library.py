@@ -24,14 +24,17 @@ def add(
         str,
         typer.Argument(
             help="A .sh3f file or a folder of them, a ShapeNetCore folder, a folder of OBJ/GLB/PLY/STL, "
-            "one such file, or 'sweethome3d' for the installed Debian package."
+            "one such file, 'sweethome3d' for the installed Debian package, or 'parametric' for models "
+            "made by formula."
         ),
     ],
     category: Categories = None,
     as_category: Annotated[
         str | None, typer.Option("--as", help="Category of a folder's models that tell none.")
     ] = None,
-    limit: Annotated[int | None, typer.Option("--limit", min=1, help="Most models a category.")] = None,
+    limit: Annotated[
+        int | None, typer.Option("--limit", min=1, help="Most models a category; parametric: 10.")
+    ] = None,
     table: Annotated[
         Path | None, typer.Option("--table", help="CSV: file,name,category,front,up,licence,creator.")
     ] = None,
@@ -45,28 +48,34 @@ def add(
 ) -> None:
     """Import models; those that are there already and have not changed are left alone."""
     from cadpose.library.catalogue import Library
-    from cadpose.library.importers import add_path
+    from cadpose.library.importers import add_parametric, add_path
     from cadpose.library.sweethome3d import installed_package
 
     path = installed_package() if source == "sweethome3d" else Path(source)
+    categories, processes = tuple(category) if category else None, workers or os.cpu_count() or 1
     catalogue = Library.create(library)
     with progress_bar("import", None) as bar:
 
         def progress(done: int, total: int, name: str) -> None:
             bar.update(bar.tasks[0].id, completed=done, total=total)
 
-        report = add_path(
-            catalogue,
-            path,
-            categories=tuple(category) if category else None,
-            limit=limit,
-            table=table,
-            category=as_category,
-            front=front,
-            up=up,
-            workers=workers or os.cpu_count() or 1,
-            progress=progress,
-        )
+        if source == "parametric":
+            report = add_parametric(
+                catalogue, categories=categories, limit=limit, workers=processes, progress=progress
+            )
+        else:
+            report = add_path(
+                catalogue,
+                path,
+                categories=categories,
+                limit=limit,
+                table=table,
+                category=as_category,
+                front=front,
+                up=up,
+                workers=processes,
+                progress=progress,
+            )
     for cad_id, reason in report.failed:
         complain(f"{cad_id} left out: {reason}")
     for warning in report.warnings[:_WARNINGS]:

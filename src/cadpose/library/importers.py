@@ -10,6 +10,7 @@ from cadpose.errors import InputError
 from cadpose.library.catalogue import Library
 from cadpose.library.folder import folder_items
 from cadpose.library.importing import AddReport, ImportItem, Progress
+from cadpose.library.parametric.items import parametric_items
 from cadpose.library.shapenet import is_shapenet, shapenet_items
 from cadpose.library.sweethome3d import sweethome3d_items
 
@@ -95,3 +96,27 @@ def add_path(
     )
     report = library.add(items, workers=workers, progress=progress)
     return replace(report, failed=report.failed + tuple((str(path), p) for p in problems))
+
+
+def add_parametric(
+    library: Library,
+    *,
+    categories: tuple[str, ...] | None = None,
+    limit: int | Mapping[str, int] | None = None,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> AddReport:
+    """Make models by formula and add them; the same models each time, however many are asked for.
+
+    Args:
+        library: Takes them.
+        categories: Library categories; all that can be made by default.
+        limit: Models a category, ten by default; a number for all, or one a category.
+        workers: Processes.
+        progress: Told of every model.
+
+    Raises:
+        InputError: a category cannot be made.
+        LibraryError: the library cannot be written.
+    """
+    return library.add(parametric_items(categories, limit), workers=workers, progress=progress)

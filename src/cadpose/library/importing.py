@@ -30,6 +30,9 @@ log = logging.getLogger(__name__)
 IMPORT_VERSION = 3
 """Part of every fingerprint: raise it when the import of an unchanged file would give another mesh."""
 
+GENERATED = "parametric:"
+"""Container of a model that is made by formula: this and its category; the member is the seed."""
+
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, name)``."""
 
@@ -44,8 +47,8 @@ class ImportItem:
         id: The catalogue id it will have.
         name: What a person calls it.
         category: Library category.
-        container: A mesh file, or the archive that holds it.
-        member: The mesh's path in the archive; empty for a file.
+        container: A mesh file, the archive that holds it, or `GENERATED` and a category.
+        member: The mesh's path in the archive, or the seed; empty for a file.
         root: Folder that a file's materials and textures have to lie in; empty for the file's own.
         fingerprint: Changes when the source changes; an unchanged model is not imported again.
         R_s_from_file: Rotation to ShapeNet axes, nine values by rows.
@@ -141,7 +144,12 @@ def import_item(item: ImportItem, meshes: str) -> Imported:
     """Load, normalise and store one model. Never raises for a bad model."""
     warnings: list[str] = []
     try:
-        if item.member:
+        if item.container.startswith(GENERATED):
+            # Inside the function: only those who make models need the generators.
+            from cadpose.library.parametric.registry import make
+
+            mesh = make(item.container.removeprefix(GENERATED), int(item.member))
+        elif item.member:
             archive = open_archive(Path(item.container))
             data = archive.read(item.member, DEFAULT_LIMITS.file_bytes)
             mesh = load_mesh(data, item.member, ZipAssets(archive, item.member), warn=warnings.append)
