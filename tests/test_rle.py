@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from cadpose.records import Mask
-from cadpose.rle import MAX_PIXELS, decode_mask, encode_mask
+from cadpose.rle import MAX_PIXELS, decode_mask, encode_mask, runs_from_text, text_from_runs
 
 
 @given(arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=40), elements=st.booleans()))
@@ -41,3 +41,21 @@ def test_runs_of_zero_are_read() -> None:
 def test_bad_runs_are_refused(size: tuple[int, ...], counts: list[int], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         decode_mask(size, counts)
+
+
+@given(st.lists(st.integers(0, 1 << 20)))
+def test_runs_come_back_from_text(runs: list[int]) -> None:
+    assert runs_from_text(text_from_runs(runs)) == runs
+
+
+def test_text_is_what_coco_writes() -> None:
+    # As pycocotools 2.0 encodes a 10 x 10 mask whose rows 2 to 4 and columns 3 to 6 are set.
+    mask = np.zeros((10, 10), np.bool_)
+    mask[2:5, 3:7] = True
+    assert text_from_runs(encode_mask(mask)) == "P13700000l0"
+
+
+@pytest.mark.parametrize("runs", [[3, -1], [1 << 40]])
+def test_runs_that_text_cannot_hold_are_refused(runs: list[int]) -> None:
+    with pytest.raises(ValueError, match="must be between"):
+        text_from_runs(runs)

@@ -77,3 +77,24 @@ def runs_from_text(text: str) -> list[int]:
     if shift:
         raise ValueError("a compressed mask ends within a number")
     return runs
+
+
+def text_from_runs(runs: Sequence[int]) -> str:
+    """COCO's compressed form of runs, as `runs_from_text` reads it.
+
+    Raises:
+        ValueError: a run is negative or above 2**38, which the text form cannot hold.
+    """
+    if min(runs, default=0) < 0 or max(runs, default=0) > 1 << 38:
+        raise ValueError("a mask's runs must be between 0 and 2**38")
+    codes = bytearray()
+    for i, run in enumerate(runs):
+        value = run - runs[i - 2] if i > 2 else run
+        while True:
+            group, value = value & 31, value >> 5
+            # Done when what is left is the sign that bit 4 of the group tells.
+            if value == (-1 if group & 16 else 0):
+                codes.append(48 + group)
+                break
+            codes.append(48 + (group | 32))
+    return codes.decode("ascii")
