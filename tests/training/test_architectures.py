@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -29,6 +30,7 @@ def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_options_out_of_range() -> None:
-    for wrong in ({"epochs": 0}, {"batch_size": 1}, {"seed": -1}, {"workers": -1}):
+    wrongs: tuple[dict[str, Any], ...] = ({"epochs": 0}, {"batch_size": 1}, {"seed": -1}, {"workers": -1})
+    for wrong in wrongs:
         with pytest.raises(ValueError, match="at least"):
             TrainingOptions(data=Path("a"), out=Path("b"), **wrong)

@@ -49,7 +49,8 @@ def test_pose_aware_nce_is_the_formula(
             if j != i
         )
         total -= math.log(positive / (positive + negative))
-    found = pose_aware_nce(*(torch.from_numpy(a) for a in sample), weighting, temperature)
+    tensors = [torch.from_numpy(a) for a in sample]
+    found = pose_aware_nce(tensors[0], tensors[1], tensors[2], weighting, temperature)
     assert float(found) == pytest.approx(total / 6, rel=1e-9)
 
 

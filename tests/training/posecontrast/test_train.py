@@ -42,7 +42,8 @@ def labels(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(labels: Path, out: Path, *, epochs: int = 3, **told: Any) -> TrainingReport:
-    options = {"data": labels, "out": out, "init": "random", "epochs": epochs, "workers": 2} | told
+    options: dict[str, Any] = {"data": labels, "out": out, "init": "random", "epochs": epochs, "workers": 2}
+    options |= told
     return train(TrainingOptions(**options), lambda done, total: None, TINY)
 
 
@@ -157,7 +158,12 @@ def test_which_labels_are_used(tmp_path: Path) -> None:
         path.write_text(json.dumps([base | change for change in changes]))
         return path
 
-    odd = ({"elevation": 90}, {"difficult": True}, {"split": "test"}, {"elevation": None})
+    odd: tuple[dict[str, object], ...] = (
+        {"elevation": 90},
+        {"difficult": True},
+        {"split": "test"},
+        {"elevation": None},
+    )
     used = training_labels(write({}, *odd, {"split": "train", "occluded": True}))
     assert [label.split for label in used] == [None, "train"]
     with pytest.raises(InputError, match="1 labels can be trained on"):

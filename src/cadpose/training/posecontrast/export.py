@@ -79,7 +79,7 @@ def _exported(model: nn.Module, images: Tensor) -> bytes:
             # The newer exporter needs onnxscript besides and takes ten times as long for the same graph.
             warnings.simplefilter("ignore", DeprecationWarning)
             # Mean and deviation are constants, and meant to be.
-            warnings.simplefilter("ignore", torch.jit.TracerWarning)
+            warnings.filterwarnings("ignore", "torch.tensor results are registered as constants")
             torch.onnx.export(
                 model,
                 (images,),
