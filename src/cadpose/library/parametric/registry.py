@@ -10,6 +10,7 @@ from numpy.random import Generator
 
 from cadpose.errors import InputError
 from cadpose.library.mesh import Mesh
+from cadpose.library.parametric.appliances import fridge, toilet, tv
 from cadpose.library.parametric.bag import bag
 from cadpose.library.parametric.beds import bed
 from cadpose.library.parametric.benches import bench
@@ -22,6 +23,7 @@ from cadpose.library.parametric.chairs import chair
 from cadpose.library.parametric.clock import clock
 from cadpose.library.parametric.heavy import bus, truck
 from cadpose.library.parametric.kitchen import microwave, oven, washing_machine
+from cadpose.library.parametric.lamps import lamp
 from cadpose.library.parametric.motorbike import motorbike
 from cadpose.library.parametric.sofas import sofa
 from cadpose.library.parametric.tables import table
@@ -34,6 +36,10 @@ GENERATORS: dict[str, Callable[[Generator], Mesh]] = {
     "bookcase": bookcase,
     "cabinet": cabinet,
     "table": table,
+    "lamp": lamp,
+    "tv": tv,
+    "fridge": fridge,
+    "toilet": toilet,
     "car": car,
     "bus": bus,
     "truck": truck,

@@ -62,6 +62,9 @@ def draw_body(rng: Generator, places: int, arms: str, back: str) -> Body:
     seat = between(rng, 0.38, 0.47)
     top = seat + between(rng, 0.22, 0.34) if back == "low" else seat + between(rng, 0.32, 0.55)
     arm_top = min(seat + between(rng, 0.08, 0.26), top)
+    if arms == "rolled" and back == "tufted":
+        # The Chesterfield: arms as high as the back.
+        top = arm_top = seat + between(rng, 0.24, 0.34)
     thick = {"thin": (0.05, 0.10), "frame": (0.03, 0.05), "none": (0.0, 0.0)}.get(arms, (0.10, 0.26))
     return Body(
         places, each * places, between(rng, 0.74, 1.0), between(rng, 0.03, 0.20), seat,
@@ -267,6 +270,10 @@ def upholstered(rng: Generator, places: int, pillows: int = 0, chaise: float = 0
         rng, back, body, max(whole_back, body.inner), main, loose, arms == "frame"
     ):
         build.add(paint, solid)
+    if arms == "rolled" and back == "tufted":
+        x, r = whole / 2 - body.arm * 0.4, between(rng, 0.06, 0.09)
+        y, z = body.top - r * 0.4, body.depth / 2 - body.back * 0.4
+        build.add(main, shapes.tube([(-x, y, z), (x, y, z)], r, sides=14))
     soft = between(rng, 0.15, 0.9)
     one_piece = places > 1 and chaise == 0 and chance(rng, 0.18)
     count = 1 if one_piece else places
