@@ -187,8 +187,9 @@ def _print_confidence(table: dict[str, Any]) -> None:
     if table["ece"] is None:
         return
     typer.echo(f"Best of five hypotheses: Acc@30 {table['acc30_top5']:.1%}")
-    typer.echo(f"Probabilities: ECE {table['ece']:.3f}, Brier score {table['brier']:.3f}")
-    if table["precision_unflagged"] is not None:
+    kind = "" if table["calibrated"] else " (shares, not calibrated)"
+    typer.echo(f"Probabilities{kind}: ECE {table['ece']:.3f}, Brier score {table['brier']:.3f}")
+    if table["calibrated"] and table["precision_unflagged"] is not None:
         kept, right = f"{table['coverage_unflagged']:.0%}", f"{table['precision_unflagged']:.1%}"
         typer.echo(f"Not flagged for review: {kept}, {right} of them within 30°")
 

@@ -192,7 +192,9 @@ def risk_coverage_curve(answers: Answers) -> bytes:
     axes.axhline(curve.risk[-1], color=_FAINT, lw=1, ls="--", label="no order")
     axes.plot(ideal.coverage, ideal.risk, color=_FAINT, lw=1, ls=":", label="perfect order")
     axes.plot(curve.coverage, curve.risk, color=_BLUE, lw=1.8, label="by probability")
-    precision, coverage = unflagged_precision(right, answers.flagged)
+    # Where nothing is calibrated nothing is flagged either, and the dot would mean nothing.
+    flagged = answers.flagged if answers.calibrated else np.ones_like(answers.flagged)
+    precision, coverage = unflagged_precision(right, flagged)
     if precision is not None:
         label = f"not flagged: {precision:.1%} right of {coverage:.0%}"
         axes.plot([coverage], [1.0 - precision], "o", color=_ORANGE, ms=8, label=label)

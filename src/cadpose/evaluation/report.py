@@ -182,7 +182,9 @@ def _table(table: Mapping[str, Any]) -> str:
     told = ""
     if table["ece"] is not None:
         kept = f"{table['coverage_unflagged']:.0%} of the answers are not flagged for review"
-        if table["precision_unflagged"] is not None:
+        if not table["calibrated"]:
+            kept = "The probabilities are shares and nothing is flagged"
+        elif table["precision_unflagged"] is not None:
             kept += f", {table['precision_unflagged']:.1%} of them within 30°"
         told = f"<p>ECE {table['ece']:.3f}, Brier score {table['brier']:.3f}. {kept}.</p>"
     return "<table>" + "".join(f"<tr>{row}</tr>" for row in cells) + f"</table>{told}"
