@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from cadpose import __version__
-from cadpose.cli import annotate, bench, blender, dataset, detect, doctor, evaluate, library, train
+from cadpose.cli import annotate, bench, blender, dataset, detect, doctor, evaluate, library, synth, train
 from cadpose.cli.output import set_up_logging, user_errors
 
 
@@ -55,6 +55,7 @@ app.add_typer(library.app, name="library")
 app.add_typer(dataset.app, name="dataset")
 app.command("doctor")(doctor.doctor)
 app.command("bench")(bench.bench)
+app.command("synth")(synth.synth)
 app.add_typer(train.app, name="train")
 app.add_typer(blender.app, name="blender")
 

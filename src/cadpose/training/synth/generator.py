@@ -211,6 +211,7 @@ def _labelled(placed: _Placed, mask: NDArray[np.bool_], size: int) -> SynthObjec
         visible_box=Box.from_mask(mask),
         mask=mask,
         visible=visible,
+        hidden=float(1.0 - seen / np.count_nonzero(placed.alpha >= 128)),
         truncated=bool(min(x0, y0) < 0 or max(x1, y1) > size),
         symmetry=placed.shape.symmetry,
     )

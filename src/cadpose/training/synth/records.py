@@ -12,6 +12,9 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.records import Mask, Rotation
 
+#: An object of which more than this share is hidden counts as occluded.
+OCCLUDED_FROM = 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class SynthObject:
@@ -27,7 +30,8 @@ class SynthObject:
         box: Rectangle of the whole object, also where it is hidden or outside the photo.
         visible_box: Rectangle of what is seen of it.
         mask: (H, W) bool, what is seen of it.
-        visible: Share of the object's pixels that is seen, in [0, 1].
+        visible: Share of the object that is seen, in [0, 1]: neither hidden nor outside the photo.
+        hidden: Share of its pixels in the photo that other things hide, in [0, 1].
         truncated: Whether the photo's border cuts it off.
         symmetry: The rotations that leave the shape as it looks.
     """
@@ -42,8 +46,14 @@ class SynthObject:
     visible_box: Box
     mask: Mask
     visible: float
+    hidden: float
     truncated: bool
     symmetry: SymmetryGroup
+
+    @property
+    def occluded(self) -> bool:
+        """Whether other things hide a part of it worth speaking of."""
+        return self.hidden > OCCLUDED_FROM
 
     @property
     def K(self) -> FloatArray:
