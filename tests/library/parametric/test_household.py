@@ -16,6 +16,7 @@ IN_FRONT = {
     "oven": ("window", "dark glass"),
     "microwave": ("display",),
     "washing machine": ("door glass", "display"),
+    "tv": ("screen", "dark glass", "tube"),
 }
 
 
@@ -42,6 +43,38 @@ def test_a_bottle_stands_upright_with_its_label_in_front() -> None:
             labelled += 1
             assert points[:, 2].min() < 0
     assert labelled > 15
+
+
+def test_a_laptop_is_open_to_the_front() -> None:
+    for seed in SEEDS:
+        mesh = make("laptop", seed)
+        screens = [surface_of(mesh, name) for name in ("screen", "dark glass")]
+        screen = next(p for p in screens if len(p))
+        pad = surface_of(mesh, "touch pad")
+        # The screen stands behind the touch pad and above it.
+        assert screen[:, 2].mean() > pad[:, 2].mean() + 0.2
+        assert screen[:, 1].mean() > pad[:, 1].mean() + 0.1
+
+
+def test_a_toilet_has_its_tank_or_wall_behind() -> None:
+    for seed in SEEDS:
+        mesh = make("toilet", seed)
+        low, high = mesh.bounds
+        top = mesh.vertices[mesh.vertices[:, 1] > low[1] + 0.9 * (high[1] - low[1])]
+        assert top[:, 2].min() > low[2] + 0.4 * (high[2] - low[2])
+
+
+def test_a_cup_has_its_handle_at_its_own_left() -> None:
+    handled = 0
+    for seed in range(24):
+        mesh = make("cup", seed)
+        # The drink's surface lies in the cup's middle; a handle moves the middle of the bounds off it.
+        drink = surface_of(mesh, "drink")
+        if len(drink):
+            off = drink[:, 0].mean()
+            assert off > -0.02
+            handled += off > 0.05
+    assert handled >= 4
 
 
 def test_a_bag_has_more_to_see_in_front_than_behind() -> None:

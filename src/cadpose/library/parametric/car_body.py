@@ -74,7 +74,10 @@ class BodyShape:
         """
         x, y, s = points[..., 0], points[..., 1], points[..., 2]
         across = np.abs(x) / (self.width / 2)
-        front, rear = np.clip(1 - s, 0, 1) ** 1.5, np.clip(1 - (self.length - s), 0, 1) ** 1.5
+        # The bend ends over the wheels, where the arches must stay round.
+        reach = self.axles[0] - 0.55 * self.arch_radius, self.length - self.axles[1] - 0.55 * self.arch_radius
+        front = np.clip(1 - s / reach[0], 0, 1) ** 1.5
+        rear = np.clip(1 - (self.length - s) / reach[1], 0, 1) ** 1.5
         z = s + front * (self.wrap[0] * across**2.4 + self.tilt[0] * (y - 0.4))
         z = z - rear * (self.wrap[1] * across**2.4 + self.tilt[1] * (y - 0.4))
         first, last = self.windscreen[0], max(self.rear_glass)
@@ -88,7 +91,7 @@ class BodyShape:
         """Half width of the body's side at a height, as a share of half the width."""
         top = float(self.belt[:, 1].max())
         heights = [0.0, self.clearance, self.clearance + 0.15, 0.42 * top + 0.1, top - 0.1, top]
-        return np.interp(y, heights, [0.93, 0.95, 0.985, 1.0, 0.985, 0.955])
+        return np.asarray(np.interp(y, heights, [0.93, 0.95, 0.985, 1.0, 0.985, 0.955]), np.float64)
 
 
 def _smooth_top(shape: BodyShape) -> tuple[FloatArray, FloatArray]:
@@ -118,7 +121,7 @@ def _stations(shape: BodyShape) -> FloatArray:
     ordered = np.unique(np.clip(np.array(marks), 0, shape.length))
     keep = np.concatenate([[True], np.diff(ordered) > 0.006])
     keep[-1] = True
-    return ordered[keep]
+    return np.asarray(ordered[keep], np.float64)
 
 
 def _section(shape: BodyShape, s: float, top: float, belt_line: float) -> FloatArray:

@@ -295,14 +295,14 @@ def _load(
         for x in (-0.3, 0.3):
             build.add(STEEL, bar((x, deck + 0.05, z1 + 0.02), (x, top - 0.05, z1 + 0.02), 0.04))
         if rng.random() < 0.55:
-            r, g, b = (int(255 * c) for c in skin.material.rgba[:3])
-            ink = (250, 250, 250) if r + g + b < 380 else [(180, 25, 30), (25, 60, 140), (30, 30,
+            red, green, blue = (int(255 * c) for c in skin.material.rgba[:3])
+            ink = (250, 250, 250) if red + green + blue < 380 else [(180, 25, 30), (25, 60, 140), (30, 30,
                 30)][int(rng.integers(3))]  # fmt: skip
             word = random_word(rng, int(rng.integers(4, 8)))
             side = min(0.8 * long, 5.0)
             for sign in (1.0, -1.0):
                 # The picture looks to +z when made; a quarter turn lays it on a side.
-                picture = text_picture(128, [(word, 0.5, 0.5, 0.2)], (r, g, b), ink)
+                picture = text_picture(128, [(word, 0.5, 0.5, 0.2)], (red, green, blue), ink)
                 sheet = box((side, 0.28 * side, 0.01)).turned("y", 90.0 * sign)
                 build.add(picture_paint(picture, side, "lettering", False),
                     sheet.moved(sign * (half + 0.033), (top + deck) / 2 + 0.1, middle))  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from cadpose.library.mesh import Mesh
-from cadpose.library.parametric.finishes import AMBER, BLACK, CHROME, RED_LIGHT, STEEL
+from cadpose.library.parametric.finishes import AMBER, BLACK, CHROME, STEEL
 from cadpose.library.parametric.hulls import hull
 from cadpose.library.parametric.motorbike_bodies import COLOURS, Chassis, add_body
 from cadpose.library.parametric.paints import plain
@@ -41,11 +41,11 @@ def motorbike_of_style(rng: Generator, style: str) -> Mesh:
     top = {"naked": 0.93, "sport": 0.88, "cruiser": 0.95, "scooter": 0.95, "dirt": 1.03}[style]
     dark = rng.random() < 0.5
     bike = Chassis(front * grow, rear * grow, -base / 2, base / 2, seat, (top, -base / 2 + rake),
-        plain(COLOURS[int(rng.integers(len(COLOURS)))], "paint"), BLACK if rng.random() < 0.7 else
-        plain(COLOURS[int(rng.integers(len(COLOURS)))], "frame"), plain((0.2, 0.2, 0.21), "engine") if dark
-        else STEEL, plain([(0.09, 0.08, 0.08), (0.09, 0.08, 0.08), (0.36, 0.2, 0.12)][int(rng.integers(3))],
-        "seat"), CHROME if rng.random() < 0.4 else plain([(0.1, 0.1, 0.1), (0.7, 0.6, 0.3), (0.6, 0.6,
-        0.62)][int(rng.integers(3))], "rim"))  # fmt: skip
+        plain(COLOURS[int(rng.integers(len(COLOURS)))], "paint"),
+        BLACK if rng.random() < 0.7 else plain(COLOURS[int(rng.integers(len(COLOURS)))], "frame"),
+        plain((0.2, 0.2, 0.21), "engine") if dark else STEEL, plain([(0.09, 0.08, 0.08), (0.09, 0.08, 0.08),
+        (0.36, 0.2, 0.12)][int(rng.integers(3))], "seat"), CHROME if rng.random() < 0.4 else plain([(0.1,
+        0.1, 0.1), (0.7, 0.6, 0.3), (0.6, 0.6, 0.62)][int(rng.integers(3))], "rim"))  # fmt: skip
     build = Builder()
     _wheels(build, bike, rng, style)
     _fork(build, bike, rng, style)
@@ -95,10 +95,8 @@ def _fork(build: Builder, bike: Chassis, rng: Generator, style: str) -> None:
         lean = (z - bike.z_front) / (y - bike.front)
         for down in (0.02, 0.2):
             build.add(BLACK, box((2 * apart + 0.07, 0.03, 0.08), (0, y - down, z - down * lean)))
-    rise, back, wide = {
-        "naked": (0.10, 0.08, 0.37), "sport": (-0.02, 0.04, 0.33), "cruiser": (u(0.12, 0.4), 0.22, 0.42),
-        "scooter": (0.09, 0.06, 0.33), "dirt": (0.13, 0.08, 0.40),
-    }[style]  # fmt: skip
+    rise, back, wide = { "naked": (0.10, 0.08, 0.37), "sport": (-0.02, 0.04, 0.33), "cruiser": (u(0.12, 0.4),
+        0.22, 0.42), "scooter": (0.09, 0.06, 0.33), "dirt": (0.13, 0.08, 0.40), }[style]  # fmt: skip
     wide *= u(0.93, 1.06)
     grip: Array = np.array([wide, y + rise, z + back])
     bends = [(0.03, y, z), (0.12, y + 0.4 * rise, z - 0.01), (0.6 * wide, y + rise, z + 0.3 * back)]
@@ -140,8 +138,8 @@ def _engine(build: Builder, bike: Chassis, rng: Generator, style: str) -> None:
     """Engine, frame, swing arm, chain side, pegs and shock absorbers."""
     y, z = bike.head
     low = 0.19 if style != "dirt" else 0.3
-    build.add(bike.engine, hull([(-0.22, low + 0.17, 0.13, 0.11), (-0.17, low + 0.16, 0.15, 0.15), (0.12, low
-        + 0.16, 0.16, 0.15), (0.2, low + 0.15, 0.13, 0.1)], 0.5, 12))  # fmt: skip
+    build.add(bike.engine, hull([(-0.22, low + 0.17, 0.13, 0.11), (-0.17, low + 0.16, 0.15, 0.15), (0.12,
+        low + 0.16, 0.16, 0.15), (0.2, low + 0.15, 0.13, 0.1)], 0.5, 12))  # fmt: skip
     build.add(STEEL, along_x(cylinder(0.1, 0.36, (0, -0.18, 0), 14)).moved(0, low + 0.17, 0.02))
     leans = (-28.0, 28.0) if style == "cruiser" else ((18.0,) if style == "dirt" else (22.0,))
     wide = 0.17 if style in ("cruiser", "dirt") else 0.32
@@ -175,7 +173,7 @@ def _engine(build: Builder, bike: Chassis, rng: Generator, style: str) -> None:
         build.add(CHROME, shock.pair())
     else:
         build.add(
-            RED_LIGHT if rng.random() < 0.3 else STEEL,
+            plain((0.7, 0.1, 0.08), "spring") if rng.random() < 0.3 else STEEL,
             bar((0, 0.45, 0.28), (0, bike.seat - 0.15, 0.25), 0.07),
         )
     peg_z = -0.25 if style == "cruiser" else 0.2
