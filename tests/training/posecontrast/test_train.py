@@ -68,7 +68,7 @@ def test_what_a_training_leaves(whole: TrainingReport) -> None:
     assert whole.validation is not None and set(whole.validation["classes"]) == {"car", "chair"}
     assert whole.difference <= 1e-4 and whole.network.is_file()
     content = read_checkpoint(whole.checkpoint)
-    assert {"net_feat", "net_vp", "epoch"} <= set(content)  # what the authors' code looks for
+    assert {"net_feat", "net_vp", "epoch"} <= set(content)  # the authors' names
     assert sorted(p.name for p in whole.network.parent.iterdir()) == [
         "checkpoint.pt", "curves.jsonl", "posecontrast.onnx",
     ]  # fmt: skip

@@ -268,7 +268,7 @@ def _save(
     optimiser: torch.optim.Optimizer,
     rows: list[dict[str, float]],
 ) -> None:
-    """Under the authors' names, so that their code and ours read it alike."""
+    """Under the authors' names, so that one reader does for both; their last layer ``fc`` is not there."""
     content = {
         "format": _FORMAT,
         "epoch": len(rows),
