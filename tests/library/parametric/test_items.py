@@ -28,7 +28,7 @@ def test_counts_by_category() -> None:
 
 
 def test_wrong_demands_are_told() -> None:
-    with pytest.raises(InputError, match="no parametric models of unicorn; there are of .*chair, "):
+    with pytest.raises(InputError, match=r"no parametric models of unicorn; there are of .*chair, "):
         parametric_items(("chair", "unicorn"))
     with pytest.raises(InputError, match="0 parametric models of chair"):
         parametric_items(("chair",), 0)
