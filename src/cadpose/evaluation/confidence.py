@@ -61,9 +61,10 @@ def confidence_figures(results: Sequence[RotationResult]) -> dict[str, Any]:
     """Figures of the first hypotheses: the four of `calibration`, ``calibrated`` and ``error_histogram``.
 
     The four are ``ece``, ``brier``, ``precision_unflagged`` and ``coverage_unflagged``; ``calibrated`` says
-    whether every answer has an expected error, and so a probability that means a chance. The calibration error is over ten groups of equal size. The histogram has N + 1 ``edges`` in degrees and
-    N ``counts``; an error on an edge counts above it, 180 degrees in the last group. Where no photo gave a
-    hypothesis all but the histogram are None; so is the precision where all need review.
+    whether every answer has an expected error, and so a probability that means a chance. The calibration
+    error is over ten groups of equal size. The histogram has N + 1 ``edges`` in degrees and N ``counts``; an
+    error on an edge counts above it, 180 degrees in the last group. Where no photo gave a hypothesis all but
+    the histogram are None; so is the precision where all need review.
     """
     answers = Answers.of(results)
     counts = np.histogram(answers.error, ERROR_EDGES)[0].tolist()
