@@ -16,7 +16,6 @@ IN_FRONT = {
     "oven": ("window", "dark glass"),
     "microwave": ("display",),
     "washing machine": ("door glass", "display"),
-    "tv": ("screen", "dark glass", "tube"),
 }
 
 

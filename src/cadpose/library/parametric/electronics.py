@@ -1,7 +1,5 @@
-"""Screens and keys: TV sets and monitors, laptops, keyboards and phones.
-
-A screen looks to -z. What lies flat (keyboards, phones) has its lower edge to -z, as in front of its user.
-"""
+"""Laptops, keyboards and phones.  A laptop's screen looks to -z. What lies flat (keyboards,
+    phones) has its lower edge to -z, as in front of its user. """  # fmt: skip
 
 from __future__ import annotations
 
@@ -12,14 +10,11 @@ from PIL import Image, ImageDraw
 from cadpose.library.mesh import Mesh
 from cadpose.library.parametric.decals import Pixels, picture_paint
 from cadpose.library.parametric.finishes import BLACK, CHROME, DARK_GLASS, STEEL, WHITE
-from cadpose.library.parametric.hulls import hull
 from cadpose.library.parametric.paints import any_colour, plain
 from cadpose.library.parametric.shapes import bar, box, cylinder, rounded_box, tube
 from cadpose.library.parametric.solids import Builder, Paint
 
 _GREYS = ((0.80, 0.81, 0.83), (0.55, 0.56, 0.58), (0.16, 0.16, 0.17), (0.08, 0.08, 0.09), (0.92, 0.92, 0.91))
-
-_STANDBY = plain((0.7, 0.1, 0.1), "standby light")
 
 
 def _shell(rng: Generator) -> Paint:
@@ -60,87 +55,6 @@ def _screen(rng: Generator, wide: float, high: float) -> Paint:
     if rng.random() < 0.5:
         return DARK_GLASS
     return picture_paint(_screen_picture(rng, high / wide), max(wide, high), "screen")
-
-
-def tv(rng: Generator) -> Mesh:
-    """A flat television or monitor on its stand, or a set with a tube."""
-    build = Builder()
-    if rng.random() < 0.16:
-        _tube_set(build, rng)
-        return build.mesh("tv")
-    u = rng.uniform
-    look = _shell(rng)
-    monitor = rng.random() < 0.4
-    wide = u(0.45, 0.62) if monitor else u(0.8, 1.4)
-    high = wide * u(0.54, 0.66 if monitor else 0.6)
-    thick = wide * u(0.03, 0.07)
-    rim, chin = wide * u(0.008, 0.03), wide * u(0.012, 0.07)
-    foot = wide * (u(0.14, 0.28) if monitor else u(0.05, 0.1))
-    middle = foot + high / 2
-    build.add(look, rounded_box((wide, high, thick), (0, middle, 0), 0.25 * thick))
-    if rng.random() < 0.7:
-        back = [(0.0, middle, 0.38 * wide, 0.36 * high), (thick, middle, 0.3 * wide, 0.28 * high),
-            (1.6 * thick, middle - 0.03 * high, 0.2 * wide, 0.18 * high)]  # fmt: skip
-        build.add(look, hull(back, 0.3, 16))
-    w, h = wide - 2 * rim, high - rim - chin
-    pane = box((w, h, 0.004)).moved(0, foot + chin + h / 2, -thick / 2 - 0.0015)
-    build.add(_screen(rng, w, h), pane)
-    stand = look if rng.random() < 0.6 else (CHROME if rng.random() < 0.5 else BLACK)
-    kind = int(rng.integers(3)) if not monitor else int(rng.integers(2))
-    deep = wide * u(0.18, 0.3)
-    if kind == 0:
-        build.add(stand, rounded_box((wide * u(0.3, 0.5), 0.02 * wide, deep), (0, 0.01 * wide, 0.02 * wide),
-            0.008))  # fmt: skip
-        build.add(stand, box((0.09 * wide, foot + 0.2 * high, 0.03 * wide), (0, (foot + 0.2 * high) / 2,
-            0.6 * thick)))  # fmt: skip
-    elif kind == 1:
-        disc = cylinder(deep * 0.6, 0.018 * wide, sides=28).scaled(x=u(1.0, 1.5))
-        build.add(stand, disc.moved(0, 0, 0.02 * wide))
-        build.add(stand, bar((0, 0, 0.5 * thick), (0, foot + 0.15 * high, 0.5 * thick), 0.07 * wide))
-    else:
-        for x in (-0.36, 0.36):
-            top = (x * wide, foot + 0.01, 0.0)
-            build.add(stand, tube([(x * wide, 0.006, -deep / 2), top, (x * wide, 0.006, deep / 2)],
-                0.009 * wide, 6))  # fmt: skip
-    build.add(_STANDBY if rng.random() < 0.3 else STEEL, box((0.06 * wide, 0.2 * chin, 0.003), (0,
-        foot + chin / 2, -thick / 2 - 0.001)))  # fmt: skip
-    return build.mesh("tv")
-
-
-def _tube_set(build: Builder, rng: Generator) -> None:
-    u = rng.uniform
-    look = plain([(0.16, 0.16, 0.17), (0.35, 0.36, 0.38), (0.42, 0.27, 0.16), (0.75, 0.74,
-        0.7)][int(rng.integers(4))], "shell")  # fmt: skip
-    wide = u(0.45, 0.7)
-    high = wide * u(0.78, 0.9)
-    deep = wide * u(0.7, 0.9)
-    build.add(look, rounded_box((wide, high, 0.16 * wide), (0, high / 2, -deep / 2 + 0.08 * wide),
-        0.03 * wide, 2))  # fmt: skip
-    back = [(-deep / 2 + 0.14 * wide, high / 2, 0.46 * wide, 0.46 * high), (-0.1 * deep, high / 2,
-        0.44 * wide, 0.44 * high), (deep / 2, 0.46 * high, 0.26 * wide, 0.28 * high)]  # fmt: skip
-    build.add(look, hull(back, 0.3, 20))
-    side = rng.random() < 0.35
-    w, h = (0.66 * wide, 0.72 * high) if side else (0.86 * wide, 0.72 * high)
-    x = 0.1 * wide if side else 0.0
-    y = 0.54 * high
-    build.add(BLACK, rounded_box((w + 0.03, h + 0.03, 0.02), (x, y, -deep / 2 - 0.001), 0.01))
-    glass = rounded_box((w, h, 0.03), (x, y, -deep / 2 - 0.004), 0.012)
-    build.add(plain((0.2, 0.22, 0.22), "tube"), glass)
-    if side:
-        for k in (0.72, 0.56):
-            build.add(CHROME, cylinder(0.035 * wide, 0.03, sides=14).turned("x", -90).moved(-0.37 * wide,
-                k * high, -deep / 2))  # fmt: skip
-        for k in range(5):
-            build.add(BLACK, box((0.16 * wide, 0.006, 0.01), (-0.37 * wide, (0.2 + 0.04 * k) * high,
-                -deep / 2 - 0.002)))  # fmt: skip
-    else:
-        for k in range(4):
-            build.add(BLACK if look.material.rgba[0] > 0.2 else STEEL, box((0.05 * wide, 0.02, 0.012),
-                ((k - 1.5) * 0.08 * wide, 0.08 * high, -deep / 2 - 0.002)))  # fmt: skip
-    if rng.random() < 0.4:
-        for sign in (-1.0, 1.0):
-            build.add(CHROME, bar((0, high, 0), (sign * 0.3 * wide, high + 0.4 * wide, 0.05), 0.006))
-        build.add(BLACK, cylinder(0.05 * wide, 0.03, (0, high - 0.005, 0), 14))
 
 
 def _key_rows(rng: Generator, wide: float, deep: float, pad: bool) -> list[tuple[float, float, float, float]]:

@@ -21,7 +21,7 @@ from cadpose.library.parametric.cabinets import cabinet
 from cadpose.library.parametric.car import car
 from cadpose.library.parametric.chairs import chair
 from cadpose.library.parametric.clock import clock
-from cadpose.library.parametric.electronics import keyboard, laptop, phone, tv
+from cadpose.library.parametric.electronics import keyboard, laptop, phone
 from cadpose.library.parametric.heavy import bus, truck
 from cadpose.library.parametric.kitchen import microwave, oven, washing_machine
 from cadpose.library.parametric.lamps import lamp
@@ -29,7 +29,6 @@ from cadpose.library.parametric.motorbike import motorbike
 from cadpose.library.parametric.sofas import sofa
 from cadpose.library.parametric.tables import table
 from cadpose.library.parametric.tableware import cup
-from cadpose.library.parametric.toilet import toilet
 
 GENERATORS: dict[str, Callable[[Generator], Mesh]] = {
     "bed": bed,
@@ -55,8 +54,6 @@ GENERATORS: dict[str, Callable[[Generator], Mesh]] = {
     "microwave": microwave,
     "washing machine": washing_machine,
     "cup": cup,
-    "toilet": toilet,
-    "tv": tv,
     "laptop": laptop,
     "keyboard": keyboard,
     "phone": phone,
