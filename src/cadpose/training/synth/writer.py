@@ -140,6 +140,9 @@ def _claim(out: Path, recipe: Entry, count: int, resume: bool) -> None:
         most = max((int(p.stem) for p in (out / PHOTOS).glob("[0-9]*.*") if p.stem.isdecimal()), default=-1)
         if most >= count:
             raise InputError(f"{out} holds {most + 1} photos already: ask for as many or more with --count")
+        # What a killed run was writing.
+        for left in [*(out / PHOTOS).glob(".part-*"), *(out / PARTS).glob(".part-*")]:
+            left.unlink(missing_ok=True)
         return
     if out.is_dir() and any(out.iterdir()):
         raise InputError(f"{out} holds other files: name an empty folder or one that is not there")
