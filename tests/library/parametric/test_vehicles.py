@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
 from numpy.random import Generator
 
 from cadpose.library.mesh import Mesh
-from cadpose.library.parametric import bicycle, car, motorbike
+from cadpose.library.parametric import bicycle, car, motorbike, registry
 from cadpose.library.parametric.car_body import GLASS, BodyShape, body_shell
-from cadpose.library.parametric.registry import make
 from tests.library.parametric.surfaces import surface_of
 
 VEHICLES = ("car", "bus", "truck", "motorbike")
-SEEDS = range(16)
+SEEDS = range(8)
+
+
+@cache
+def make(category: str, seed: int) -> Mesh:
+    return registry.make(category, seed)
 
 
 @pytest.mark.parametrize("category", VEHICLES)

@@ -178,10 +178,14 @@ def _shampoo(build: Builder, rng: Generator) -> None:
     print_ = np.stack([np.stack([x * wide, np.full(9, y), z], 1) for y in (-0.22 * high, 0.22 * high)])
     build.add(picture_paint(picture, 1.3 * wide, "print"), grid(print_).moved(0, 0.36 * high, 0))
     if rng.random() < 0.5:
-        build.add(cap, cylinder(0.013, 0.016, (0, high - 0.003, 0), 16), cylinder(0.005, 0.035, (0, high, 0),
-            10))  # fmt: skip
-        build.add(cap, rounded_box((0.018, 0.011, 0.022), (0, high + 0.035, 0), 0.004), bar((0, high + 0.036,
-            0), (0, high + 0.032, -0.04), 0.008))  # fmt: skip
+        build.add(
+            cap, cylinder(0.013, 0.016, (0, high - 0.003, 0), 16), cylinder(0.005, 0.035, (0, high, 0), 10)
+        )
+        build.add(
+            cap,
+            rounded_box((0.018, 0.011, 0.022), (0, high + 0.035, 0), 0.004),
+            bar((0, high + 0.036, 0), (0, high + 0.032, -0.04), 0.008),
+        )
     else:
         build.add(cap, tower([(0.93 * high, 0.0, 0.62 * wide, 0.7 * deep), (high + 0.02, 0.0, 0.55 * wide,
             0.6 * deep)], square, 20))  # fmt: skip
@@ -212,8 +216,10 @@ def _detergent(build: Builder, rng: Generator) -> None:
     words = [(random_word(rng, 5), 0.5, 0.4, 0.2), (random_word(rng, 8), 0.5, 0.58, 0.09)]
     picture = text_picture(128, words, paper, (250, 250, 250) if sum(paper) < 400 else (180, 20, 40))
     for z, front in ((-deep - 0.001, True), (deep + 0.001, False)):
-        build.add(picture_paint(picture, 1.5 * wide, "label", front), box((1.5 * wide, 0.4 * high,
-            0.003)).moved(0, 0.28 * high, z))  # fmt: skip
+        build.add(
+            picture_paint(picture, 1.5 * wide, "label", front),
+            box((1.5 * wide, 0.4 * high, 0.003)).moved(0, 0.28 * high, z),
+        )
 
 
 def _spray(build: Builder, rng: Generator) -> None:
@@ -226,10 +232,15 @@ def _spray(build: Builder, rng: Generator) -> None:
         (0.75 * r, 0.8 * high), (0.34 * r, 0.94 * high), (0.32 * r, high)])  # fmt: skip
     _label(build, rng, r, 0.08 * high, 0.42 * high)
     build.add(head, cylinder(0.42 * r, 0.022, (0, high - 0.008, 0), 16))
-    build.add(head, rounded_box((0.026, 0.03, 0.075), (0, high + 0.035, -0.012), 0.008), box((0.02, 0.025,
-        0.02), (0, high + 0.015, 0)))  # fmt: skip
-    build.add(BLACK if rng.random() < 0.5 else head, cylinder(0.009, 0.015, sides=10).turned("x",
-        -90).moved(0, high + 0.038, -0.048))  # fmt: skip
+    build.add(
+        head,
+        rounded_box((0.026, 0.03, 0.075), (0, high + 0.035, -0.012), 0.008),
+        box((0.02, 0.025, 0.02), (0, high + 0.015, 0)),
+    )
+    build.add(
+        BLACK if rng.random() < 0.5 else head,
+        cylinder(0.009, 0.015, sides=10).turned("x", -90).moved(0, high + 0.038, -0.048),
+    )
     build.add(head, tube(smooth_path(np.array([(0, high + 0.022, -0.028), (0, high, -0.038), (0,
         high - 0.025, -0.034)]), 3), 0.006, 6))  # fmt: skip
 
@@ -256,12 +267,15 @@ def _perfume(build: Builder, rng: Generator) -> None:
     if rng.random() < 0.5:
         build.add(cap, cylinder(0.5 * size + 0.003, 1.1 * size, (0, high + 0.008, 0), 18))
     else:
-        build.add(cap, rounded_box((size, size, min(size, 0.9 * deep)), (0, high + 0.008 + size / 2, 0),
-            0.002))  # fmt: skip
+        build.add(
+            cap, rounded_box((size, size, min(size, 0.9 * deep)), (0, high + 0.008 + size / 2, 0), 0.002)
+        )
     words = [(random_word(rng, 4), 0.5, 0.45, 0.2), (random_word(rng, 7), 0.5, 0.62, 0.08)]
     picture = text_picture(96, words, (238, 232, 220), (40, 34, 30))
-    build.add(picture_paint(picture, 0.55 * wide, "label"), box((0.55 * wide, 0.4 * high, 0.002)).moved(0,
-        0.42 * high, -0.51 * deep - 0.0005))  # fmt: skip
+    build.add(
+        picture_paint(picture, 0.55 * wide, "label"),
+        box((0.55 * wide, 0.4 * high, 0.002)).moved(0, 0.42 * high, -0.51 * deep - 0.0005),
+    )
 
 
 def _flask(build: Builder, rng: Generator) -> None:

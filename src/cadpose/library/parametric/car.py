@@ -17,11 +17,25 @@ from cadpose.library.parametric.wheels import MIRROR_X, car_wheel, rim_paint
 STYLES = ("sedan", "hatchback", "estate", "suv", "coupe", "convertible", "minivan", "pickup", "van")
 _SHARE = (0.2, 0.2, 0.1, 0.17, 0.09, 0.06, 0.07, 0.06, 0.05)
 
-_PAINTS: tuple[tuple[Colour, float], ...] = (((0.93, 0.93, 0.93), 5), ((0.72, 0.73, 0.75), 4), ((0.42, 0.43,
-    0.45), 4), ((0.09, 0.09, 0.10), 4), ((0.70, 0.07, 0.07), 3), ((0.45, 0.05, 0.08), 1), ((0.10, 0.22,
-    0.52), 2), ((0.07, 0.11, 0.24), 2), ((0.35, 0.55, 0.78), 1), ((0.10, 0.30, 0.20), 1), ((0.45, 0.60,
-    0.35), 0.7), ((0.93, 0.77, 0.10), 1), ((0.88, 0.42, 0.08), 0.8), ((0.76, 0.69, 0.56), 1), ((0.36, 0.24,
-    0.16), 0.7), ((0.55, 0.78, 0.75), 0.4), ((0.45, 0.25, 0.50), 0.3))  # fmt: skip
+_PAINTS: tuple[tuple[Colour, float], ...] = (
+    ((0.93, 0.93, 0.93), 5),
+    ((0.72, 0.73, 0.75), 4),
+    ((0.42, 0.43, 0.45), 4),
+    ((0.09, 0.09, 0.10), 4),
+    ((0.70, 0.07, 0.07), 3),
+    ((0.45, 0.05, 0.08), 1),
+    ((0.10, 0.22, 0.52), 2),
+    ((0.07, 0.11, 0.24), 2),
+    ((0.35, 0.55, 0.78), 1),
+    ((0.10, 0.30, 0.20), 1),
+    ((0.45, 0.60, 0.35), 0.7),
+    ((0.93, 0.77, 0.10), 1),
+    ((0.88, 0.42, 0.08), 0.8),
+    ((0.76, 0.69, 0.56), 1),
+    ((0.36, 0.24, 0.16), 0.7),
+    ((0.55, 0.78, 0.75), 0.4),
+    ((0.45, 0.25, 0.50), 0.3),
+)
 
 
 def car(rng: Generator) -> Mesh:
@@ -133,10 +147,25 @@ def _shape(rng: Generator, style: str) -> BodyShape:
     belt = [[0.0, belt_y - 0.03], [cowl_s, belt_y - 0.02], [tail_s, belt_y + rise], [length, belt_y + rise]]
     if style in ("pickup", "convertible"):
         belt = [[0.0, belt_y], [length, belt_y + 0.3 * rise]]
-    shape = BodyShape(length, width, clear, wheel, axles, np.array(front + roof + back), np.array(belt),
-        (cowl_s, head_s), (tail_s, foot_s), (), (), tumble=0.2 if style in ("van",) else u(0.28, 0.42),
-        wrap=(u(0.12, 0.26), u(0.06, 0.18)), tilt=(u(0.0, 0.2), u(0.0, 0.2)), bow=u(0.06, 0.14),
-        cladding=style in ("suv", "pickup") and rng.random() < 0.6, roof=_ROOF)  # fmt: skip
+    shape = BodyShape(
+        length,
+        width,
+        clear,
+        wheel,
+        axles,
+        np.array(front + roof + back),
+        np.array(belt),
+        (cowl_s, head_s),
+        (tail_s, foot_s),
+        (),
+        (),
+        tumble=0.2 if style in ("van",) else u(0.28, 0.42),
+        wrap=(u(0.12, 0.26), u(0.06, 0.18)),
+        tilt=(u(0.0, 0.2), u(0.0, 0.2)),
+        bow=u(0.06, 0.14),
+        cladding=style in ("suv", "pickup") and rng.random() < 0.6,
+        roof=_ROOF,
+    )
     return _openings(shape, rng, style)
 
 

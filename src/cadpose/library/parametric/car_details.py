@@ -65,8 +65,12 @@ def add_front(build: Builder, shape: BodyShape, rng: Generator, paint: Paint, st
         dark = rng.random() < 0.4
         build.add(_BLACK if dark else _HOUSING, _bent(shape, housing, -0.012, u(0.1, 0.3)).pair())
         cut = 0.12 * (out - inner)
-        lens: Corners = ((inner + cut, y0 + lift + 0.015), (out - cut, y0 + slant + 0.015), (out - cut,
-            y1 - 0.015), (inner + cut, y1 - 0.3 * lift - 0.015))  # fmt: skip
+        lens: Corners = (
+            (inner + cut, y0 + lift + 0.015),
+            (out - cut, y0 + slant + 0.015),
+            (out - cut, y1 - 0.015),
+            (inner + cut, y1 - 0.3 * lift - 0.015),
+        )
         build.add(_LENS, _bent(shape, lens, -0.022, 0.03).pair())
         if rng.random() < 0.4:
             corner: Corners = _rect(out - cut, out + 0.006, y0 + max(slant, 0) + 0.012, y1 - 0.02)
@@ -102,8 +106,12 @@ def _grille(
         gap = 0.02
         part: Corners = ((gap, low), (wide * 0.5, low), (wide * 0.55, high), (gap, high))
         build.add(_CHROME, _bent(shape, part, -0.014, 0.03, 3).pair())
-        part = ((gap + 0.015, low + 0.015), (wide * 0.5 - 0.015, low + 0.015), (wide * 0.55 - 0.015,
-            high - 0.015), (gap + 0.015, high - 0.015))  # fmt: skip
+        part = (
+            (gap + 0.015, low + 0.015),
+            (wide * 0.5 - 0.015, low + 0.015),
+            (wide * 0.55 - 0.015, high - 0.015),
+            (gap + 0.015, high - 0.015),
+        )
         build.add(_BLACK, _bent(shape, part, -0.019, 0.03, 3).pair())
         return
     if rng.random() < 0.55:
@@ -159,8 +167,12 @@ def add_rear(build: Builder, shape: BodyShape, rng: Generator, paint: Paint, sty
     red, green, _, _ = paint.material.rgba
     if (red > 0.4 and green < 0.2) or rng.random() < 0.2:
         # A red lamp on red paint is seen by its dark frame.
-        frame: Corners = ((inner - 0.02, y0 + max(slant, 0) - 0.02), (out, y0 - 0.02), (out + 0.01,
-            y1 + 0.015), (inner + 0.2 * slant - 0.02, y1 + 0.005))  # fmt: skip
+        frame: Corners = (
+            (inner - 0.02, y0 + max(slant, 0) - 0.02),
+            (out, y0 - 0.02),
+            (out + 0.01, y1 + 0.015),
+            (inner + 0.2 * slant - 0.02, y1 + 0.005),
+        )
         build.add(_BLACK, plate(frame, 0.011, 0.08).pair())
     build.add(_RED, plate(lamp, 0.016, 0.07 if style == "pickup" else u(0.1, 0.28)).pair())
     third = (y1 - y0) / 3

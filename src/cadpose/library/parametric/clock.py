@@ -296,8 +296,14 @@ def _pendulum(build: Builder, rng: Generator) -> None:
         for x in (-0.05, 0.06):
             long = rng.uniform(0.1, 0.28)
             build.add(_BRASS, bar((x, low, 0.05), (x, low - long, 0.05), 0.004))
-            build.add(look, lathe([(0.006, 0), (0.015, 0.02), (0.013, 0.07), (0.004, 0.09)], 10, (x,
-                low - long - 0.05, 0.05)))  # fmt: skip
+            build.add(
+                look,
+                lathe(
+                    [(0.006, 0), (0.015, 0.02), (0.013, 0.07), (0.004, 0.09)],
+                    10,
+                    (x, low - long - 0.05, 0.05),
+                ),
+            )
         build.add(look, bar((0, low, 0.03), (0.02, low - 0.2, 0.03), 0.008, 0.003))
         build.add(look, cylinder(0.03, 0.01, sides=18).turned("x", 90).moved(0.02, low - 0.21, 0.03))
         return
@@ -350,5 +356,11 @@ def _station(build: Builder, rng: Generator) -> None:
         )
     else:
         high = rng.uniform(0.8, 1.5)
-        build.add(look, lathe([(0.12, 0), (0.12, 0.06), (0.05, 0.12), (0.035, high), (0.06, high + 0.03)],
-            14, (0, -r - high - 0.04, deep / 2)))  # fmt: skip
+        build.add(
+            look,
+            lathe(
+                [(0.12, 0), (0.12, 0.06), (0.05, 0.12), (0.035, high), (0.06, high + 0.03)],
+                14,
+                (0, -r - high - 0.04, deep / 2),
+            ),
+        )

@@ -1,5 +1,8 @@
-"""Laptops, keyboards and phones.  A laptop's screen looks to -z. What lies flat (keyboards,
-    phones) has its lower edge to -z, as in front of its user. """  # fmt: skip
+"""Laptops, keyboards and phones.
+
+A laptop's screen looks to -z. What lies flat (keyboards, phones) has its lower edge to -z,
+where its user is.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +21,11 @@ _GREYS = ((0.80, 0.81, 0.83), (0.55, 0.56, 0.58), (0.16, 0.16, 0.17), (0.08, 0.0
 
 
 def _shell(rng: Generator) -> Paint:
-    return plain(_GREYS[int(rng.integers(len(_GREYS)))],
-        "shell") if rng.random() < 0.9 else plain(any_colour(rng), "shell")  # fmt: skip
+    return (
+        plain(_GREYS[int(rng.integers(len(_GREYS)))], "shell")
+        if rng.random() < 0.9
+        else plain(any_colour(rng), "shell")
+    )
 
 
 def _screen_picture(rng: Generator, aspect: float) -> Pixels:
@@ -43,8 +49,10 @@ def _screen_picture(rng: Generator, aspect: float) -> Pixels:
     else:
         horizon = low + (high - low) * rng.uniform(0.45, 0.7)
         draw.rectangle([0, low, side, horizon], fill=(130, 180, 225))
-        draw.rectangle([0, horizon, side, high], fill=tuple(int(c) for c in (rng.integers(40, 110),
-            rng.integers(80, 150), 60)))  # fmt: skip
+        draw.rectangle(
+            [0, horizon, side, high],
+            fill=tuple(int(c) for c in (rng.integers(40, 110), rng.integers(80, 150), 60)),
+        )
         x = int(rng.integers(8, 56))
         draw.polygon([(x - 22, horizon), (x, low + 6), (x + 22, horizon)], fill=(95, 100, 110))
     return np.asarray(image, np.uint8)
@@ -58,8 +66,7 @@ def _screen(rng: Generator, wide: float, high: float) -> Paint:
 
 
 def _key_rows(rng: Generator, wide: float, deep: float, pad: bool) -> list[tuple[float, float, float, float]]:
-    """(x, z, width, depth) of the keys; x runs from the user's left, which is +x,
-        z from the far row to -z."""  # fmt: skip
+    """(x, z, width, depth) of the keys, from the user's left, which is +x, and from the far row to -z."""
     keys: list[tuple[float, float, float, float]] = []
     block = wide * (0.76 if pad else 1.0)
     rows = 5 if rng.random() < 0.5 else 6
@@ -71,8 +78,12 @@ def _key_rows(rng: Generator, wide: float, deep: float, pad: bool) -> list[tuple
         elif row == 0 and rows == 6:
             sizes = [1.0] * 14
         else:
-            sizes = [[1.0] * 12 + [2.0], [1.5] + [1.0] * 12, [1.8] + [1.0] * 11 + [2.0],
-                [2.3] + [1.0] * 10 + [2.6]][row % 4]  # fmt: skip
+            sizes = [
+                [1.0] * 12 + [2.0],
+                [1.5] + [1.0] * 12,
+                [1.8] + [1.0] * 11 + [2.0],
+                [2.3] + [1.0] * 10 + [2.6],
+            ][row % 4]
         unit = block / sum(sizes)
         x = wide / 2
         for size in sizes:
@@ -90,8 +101,17 @@ def keyboard(rng: Generator) -> Mesh:
     build = Builder()
     look = _shell(rng)
     dark = sum(look.material.rgba[:3]) < 1.0
-    keys = look if rng.random() < 0.3 else (plain((0.85, 0.85, 0.84),
-        "keys") if (dark and rng.random() < 0.3) else BLACK if rng.random() < 0.6 else WHITE)  # fmt: skip
+    keys = (
+        look
+        if rng.random() < 0.3
+        else (
+            plain((0.85, 0.85, 0.84), "keys")
+            if (dark and rng.random() < 0.3)
+            else BLACK
+            if rng.random() < 0.6
+            else WHITE
+        )
+    )
     if keys is look:
         keys = plain((0.24, 0.24, 0.25), "keys") if dark else plain((0.75, 0.75, 0.76), "keys")
     pad = rng.random() < 0.65
@@ -145,10 +165,18 @@ def laptop(rng: Generator) -> Mesh:
     pane = box((pane_w, pane_h, 0.002))
     build.add(look, lid.turned("x", angle).moved(*hinge))
     build.add(BLACK if rng.random() < 0.75 else look, frame.turned("x", angle).moved(*hinge))
-    build.add(_screen(rng, pane_w, pane_h), pane.moved(0, high / 2 + 0.006, -slim / 2 - 0.002).turned("x",
-        angle).moved(*hinge))  # fmt: skip
-    build.add(CHROME if rng.random() < 0.5 else WHITE, cylinder(0.018, 0.001, sides=16).turned("x",
-        90).moved(0, high / 2, slim / 2).turned("x", angle).moved(*hinge))  # fmt: skip
+    build.add(
+        _screen(rng, pane_w, pane_h),
+        pane.moved(0, high / 2 + 0.006, -slim / 2 - 0.002).turned("x", angle).moved(*hinge),
+    )
+    build.add(
+        CHROME if rng.random() < 0.5 else WHITE,
+        cylinder(0.018, 0.001, sides=16)
+        .turned("x", 90)
+        .moved(0, high / 2, slim / 2)
+        .turned("x", angle)
+        .moved(*hinge),
+    )
     build.add(BLACK, bar((-0.4 * wide, thick, hinge[2]), (0.4 * wide, thick, hinge[2]), 0.01))
     return build.mesh("laptop")
 
@@ -161,8 +189,10 @@ def phone(rng: Generator) -> Mesh:
     if rng.random() < 0.75:
         wide, long, thick = u(0.064, 0.08), u(0.135, 0.165), u(0.007, 0.01)
         build.add(look, rounded_box((wide, thick, long), (0, 0, 0), 0.45 * thick, 2))
-        build.add(BLACK if rng.random() < 0.8 else WHITE, rounded_box((wide - 0.003, 0.002, long - 0.003),
-            (0, thick / 2, 0), 0.0009))  # fmt: skip
+        build.add(
+            BLACK if rng.random() < 0.8 else WHITE,
+            rounded_box((wide - 0.003, 0.002, long - 0.003), (0, thick / 2, 0), 0.0009),
+        )
         edge = u(0.002, 0.016)
         w, d = wide - 0.006, long - 2 * edge - 0.004
         picture = _screen_picture(rng, 1.0)
@@ -171,27 +201,41 @@ def phone(rng: Generator) -> Mesh:
         if rng.random() < 0.6:
             for k in range(20):
                 x, z = (k % 4 - 1.5) * 0.22 * w, (k // 4 - 2.0) * 0.17 * d
-                build.add(plain(any_colour(rng), "icon"), box((0.14 * w, 0.0008, 0.14 * w), (x,
-                    thick / 2 + 0.0018, z)))  # fmt: skip
+                build.add(
+                    plain(any_colour(rng), "icon"),
+                    box((0.14 * w, 0.0008, 0.14 * w), (x, thick / 2 + 0.0018, z)),
+                )
         if edge > 0.01:
-            build.add(STEEL, cylinder(0.0045, 0.001, (0, thick / 2 + 0.001, -long / 2 + 0.5 * edge + 0.002),
-                16))  # fmt: skip
-        build.add(STEEL, box((0.002, 0.4 * thick, 0.02), (-wide / 2, 0, 0.2 * long)), box((0.002,
-            0.4 * thick, 0.03), (wide / 2, 0, 0.22 * long)))  # fmt: skip
-        build.add(BLACK, rounded_box((0.4 * wide, 0.002, 0.2 * long), (-0.2 * wide, -thick / 2 - 0.0005,
-            0.36 * long), 0.0009))  # fmt: skip
+            build.add(
+                STEEL, cylinder(0.0045, 0.001, (0, thick / 2 + 0.001, -long / 2 + 0.5 * edge + 0.002), 16)
+            )
+        build.add(
+            STEEL,
+            box((0.002, 0.4 * thick, 0.02), (-wide / 2, 0, 0.2 * long)),
+            box((0.002, 0.4 * thick, 0.03), (wide / 2, 0, 0.22 * long)),
+        )
+        build.add(
+            BLACK,
+            rounded_box(
+                (0.4 * wide, 0.002, 0.2 * long), (-0.2 * wide, -thick / 2 - 0.0005, 0.36 * long), 0.0009
+            ),
+        )
     else:
         wide, long, thick = u(0.042, 0.052), u(0.1, 0.125), u(0.013, 0.02)
         build.add(look, rounded_box((wide, thick, long), (0, 0, 0), 0.4 * thick, 2))
-        build.add(plain((0.62, 0.72, 0.55), "display"), box((0.74 * wide, 0.002, 0.3 * long), (0, thick / 2,
-            0.22 * long)))  # fmt: skip
+        build.add(
+            plain((0.62, 0.72, 0.55), "display"),
+            box((0.74 * wide, 0.002, 0.3 * long), (0, thick / 2, 0.22 * long)),
+        )
         dark = sum(look.material.rgba[:3]) < 1.0
         key = plain((0.75, 0.75, 0.76), "keys") if dark else BLACK
         for row in range(5):
             for column in (-1, 0, 1):
                 size = (0.22 * wide, 0.003, 0.055 * long)
-                build.add(key, rounded_box(size, (column * 0.27 * wide, thick / 2,
-                    (-0.02 - 0.09 * row) * long), 0.001))  # fmt: skip
+                build.add(
+                    key,
+                    rounded_box(size, (column * 0.27 * wide, thick / 2, (-0.02 - 0.09 * row) * long), 0.001),
+                )
         if rng.random() < 0.4:
             build.add(BLACK, bar((0.3 * wide, 0, long / 2), (0.3 * wide, 0, long / 2 + 0.025), 0.008))
     return build.mesh("phone")

@@ -21,8 +21,12 @@ _RIM = plain((0.70, 0.71, 0.73), "rim")
 
 
 def _colour(rng: Generator) -> Paint:
-    return plain(_COLOURS[int(rng.choice(len(_COLOURS), p=[0.26, 0.16, 0.14, 0.1, 0.08, 0.08, 0.06, 0.04,
-        0.04, 0.04]))], "paint")  # fmt: skip
+    return plain(
+        _COLOURS[
+            int(rng.choice(len(_COLOURS), p=[0.26, 0.16, 0.14, 0.1, 0.08, 0.08, 0.06, 0.04, 0.04, 0.04]))
+        ],
+        "paint",
+    )
 
 
 def _wheels(build: Builder, half: float, radius: float, axles: list[float], floor: float) -> None:
@@ -67,8 +71,12 @@ def _tail(build: Builder, rng: Generator, half: float, y: float, z: float, uprig
     size = (0.14, 0.5, 0.05) if upright else (0.4, 0.14, 0.05)
     x = half - size[0] / 2 - 0.08
     build.add(RED_LIGHT, rounded_box(size, (x, y, z), 0.02).pair())
-    build.add(AMBER, box((size[0] * 0.8 if upright else 0.1, 0.1, 0.05), (x, y + (0.1 if upright else 0.0),
-        z + 0.008)).pair())  # fmt: skip
+    build.add(
+        AMBER,
+        box(
+            (size[0] * 0.8 if upright else 0.1, 0.1, 0.05), (x, y + (0.1 if upright else 0.0), z + 0.008)
+        ).pair(),
+    )
     build.add(*number_plate(rng, (0.0, y - 0.1, z + 0.02), to_front=False))
 
 
@@ -95,15 +103,23 @@ def bus(rng: Generator) -> Mesh:
         count = int(rng.integers(5, 9))
         pillar = paint if rng.random() < 0.5 else BLACK
         for k in range(1, count):
-            build.add(pillar, box((2 * half + 0.035, y1 - y0, 0.07), (0, (y0 + y1) / 2,
-                z0 + 0.7 + k * (long - 1.2) / count)))  # fmt: skip
+            build.add(
+                pillar,
+                box(
+                    (2 * half + 0.035, y1 - y0, 0.07), (0, (y0 + y1) / 2, z0 + 0.7 + k * (long - 1.2) / count)
+                ),
+            )
     stripe = u(0.12, 0.5)
     build.add(second, box((2 * half + 0.016, stripe, long - 0.34), (0, u(0.7, 1.0), 0)))
     # Windscreen, sign, doors at the own right, as where one drives on the right.
     foot = belt - (0.35 if not coach else 0.5)
     sign = 2.5 if double else high - 0.3
-    build.add(DARK_GLASS, rounded_box((2 * half - 0.12, sign - 0.1 - foot, 0.12), (0,
-        (foot + sign - 0.1) / 2, z0 + 0.03), 0.05))  # fmt: skip
+    build.add(
+        DARK_GLASS,
+        rounded_box(
+            (2 * half - 0.12, sign - 0.1 - foot, 0.12), (0, (foot + sign - 0.1) / 2, z0 + 0.03), 0.05
+        ),
+    )
     if double:
         build.add(DARK_GLASS, rounded_box((2 * half - 0.12, 1.05, 0.12), (0, 3.45, z0 + 0.03), 0.05))
     words = [(f"{int(rng.integers(1, 400))}  {random_word(rng, 6)}", 0.5, 0.5, 0.13)]
@@ -117,15 +133,21 @@ def bus(rng: Generator) -> Mesh:
     build.add(BLACK, rounded_box((2 * half + 0.02, 0.26, 0.3), (0, 0.46, z0 + 0.12), 0.05))
     build.add(*number_plate(rng, (0.0, 0.48, z0 - 0.04), to_front=True))
     build.add(BLACK if rng.random() < 0.5 else CHROME, box((0.8, 0.12, 0.04), (0, 0.8, z0)))
-    build.add(DARK_GLASS, rounded_box((2 * half - 0.5, 0.75, 0.06), (0, min(high - 0.75, 2.1), z1 - 0.01),
-        0.04))  # fmt: skip
+    build.add(
+        DARK_GLASS, rounded_box((2 * half - 0.5, 0.75, 0.06), (0, min(high - 0.75, 2.1), z1 - 0.01), 0.04)
+    )
     build.add(BLACK, box((1.6, 0.55, 0.05), (0, 1.0, z1 - 0.01)))
     for k in range(4):
         build.add(STEEL, box((1.5, 0.03, 0.05), (0, 0.82 + 0.12 * k, z1)))
     _tail(build, rng, half, 0.85, z1, True)
     build.add(BLACK, rounded_box((2 * half + 0.02, 0.2, 0.3), (0, 0.44, z1 - 0.12), 0.05))
-    _wheels(build, half, 0.49, [z0 + 2.6, z1 - 3.0] if rng.random() < 0.75 else [z0 + 2.6, z1 - 3.6,
-        z1 - 2.4], low)  # fmt: skip
+    _wheels(
+        build,
+        half,
+        0.49,
+        [z0 + 2.6, z1 - 3.0] if rng.random() < 0.75 else [z0 + 2.6, z1 - 3.6, z1 - 2.4],
+        low,
+    )
     _mirrors(build, half, 1.9 if not coach else 2.3, z0 + 0.1, 0.4)
     if not double:
         for z in (-2.0, 2.2) if rng.random() < 0.5 else (u(-1, 2),):
@@ -140,17 +162,22 @@ def _school_bus(build: Builder, rng: Generator) -> None:
     long, half, high = rng.uniform(8.5, 10.5), 1.2, 3.1
     z0, z1 = -long / 2, long / 2
     cab = z0 + 1.4
-    build.add(yellow, rounded_box((2 * half, high - 0.5, z1 - cab), (0, (high + 0.5) / 2, (z1 + cab) / 2),
-        0.18, 2))  # fmt: skip
-    build.add(yellow, rounded_box((1.75, 1.05, 1.7), (0, 1.1, z0 + 0.85), 0.14), rounded_box((2.2, 0.5, 1.3),
-        (0, 0.8, z0 + 0.75), 0.14))  # fmt: skip
+    build.add(
+        yellow, rounded_box((2 * half, high - 0.5, z1 - cab), (0, (high + 0.5) / 2, (z1 + cab) / 2), 0.18, 2)
+    )
+    build.add(
+        yellow,
+        rounded_box((1.75, 1.05, 1.7), (0, 1.1, z0 + 0.85), 0.14),
+        rounded_box((2.2, 0.5, 1.3), (0, 0.8, z0 + 0.75), 0.14),
+    )
     build.add(DARK_GLASS, rounded_box((2.1, 0.9, 0.1), (0, 2.15, cab + 0.02), 0.04))
     build.add(BLACK, box((1.2, 0.6, 0.06), (0, 1.1, z0 - 0.005)))
     for k in range(5):
         build.add(STEEL, box((1.15, 0.03, 0.06), (0, 0.88 + 0.11 * k, z0 - 0.012)))
     build.add(LENS, cylinder(0.13, 0.06, sides=16).turned("x", -90).moved(0.74, 1.0, z0 + 0.05).pair())
-    build.add(BLACK, box((2.3, 0.25, 0.15), (0, 0.55, z0 - 0.02)), box((2.4, 0.25, 0.15), (0, 0.6,
-        z1 + 0.02)))  # fmt: skip
+    build.add(
+        BLACK, box((2.3, 0.25, 0.15), (0, 0.55, z0 - 0.02)), box((2.4, 0.25, 0.15), (0, 0.6, z1 + 0.02))
+    )
     count = 9
     for k in range(count):
         z = cab + 0.9 + k * (z1 - cab - 1.5) / (count - 1)
@@ -160,8 +187,9 @@ def _school_bus(build: Builder, rng: Generator) -> None:
     build.add(DARK_GLASS, box((0.05, 1.7, 0.7), (half - 0.01, 1.5, cab + 0.5)))
     picture = text_picture(128, [("SCHOOL BUS", 0.5, 0.5, 0.14)], (240, 172, 20), (15, 15, 15))
     build.add(picture_paint(picture, 1.5, "sign"), box((1.5, 0.26, 0.06)).moved(0, high - 0.22, cab + 0.01))
-    build.add(picture_paint(picture, 1.5, "sign", False), box((1.5, 0.26, 0.06)).moved(0, high - 0.22,
-        z1 - 0.01))  # fmt: skip
+    build.add(
+        picture_paint(picture, 1.5, "sign", False), box((1.5, 0.26, 0.06)).moved(0, high - 0.22, z1 - 0.01)
+    )
     for x in (-0.95, 0.95):
         build.add(RED_LIGHT, cylinder(0.1, 0.06, sides=14).turned("x", 90).moved(x, high - 0.22, z1 - 0.02))
         build.add(AMBER, cylinder(0.1, 0.06, sides=14).turned("x", -90).moved(x, high - 0.22, cab + 0.03))
@@ -192,8 +220,13 @@ def truck(rng: Generator) -> Mesh:
     r = 0.52
     front = z0 + (1.0 if bonnet else 1.35)
     if kind == 1:
-        axles = [front, start + 0.6, *([start + 1.75] if bonnet else []), start + load - 3.2,
-            start + load - 1.95]  # fmt: skip
+        axles = [
+            front,
+            start + 0.6,
+            *([start + 1.75] if bonnet else []),
+            start + load - 3.2,
+            start + load - 1.95,
+        ]
     elif load > 5.5:
         axles = [front, start + load - 2.6, start + load - 1.45]
     else:
@@ -204,8 +237,13 @@ def truck(rng: Generator) -> Mesh:
         build.include(wheel, MIRROR_X, (0.18 - half, r, z))
         if z != front:
             build.add(BLACK, box((2 * half - 0.1, 0.03, 1.1), (0, 2 * r + 0.02, z)))
-    build.add(STEEL if rng.random() < 0.6 else BLACK, cylinder(0.3, 1.1, sides=16).turned("x",
-        90).moved(half - 0.4, 0.68, start + 1.2 - (0.9 if kind != 1 else 0)).pair())  # fmt: skip
+    build.add(
+        STEEL if rng.random() < 0.6 else BLACK,
+        cylinder(0.3, 1.1, sides=16)
+        .turned("x", 90)
+        .moved(half - 0.4, 0.68, start + 1.2 - (0.9 if kind != 1 else 0))
+        .pair(),
+    )
     z1 = start + load
     build.add(BLACK, box((2 * half - 0.1, 0.14, 0.1), (0, 0.62, z1 - 0.06)))
     _tail(build, rng, half, 0.88, z1 - 0.02, False)
@@ -215,8 +253,7 @@ def truck(rng: Generator) -> Mesh:
 def _cab(
     build: Builder, rng: Generator, paint: Paint, half: float, along: tuple[float, float, float], high: float
 ) -> None:
-    """Cab and, where there is one, the bonnet; ``along`` holds z of the nose,
-        the cab's front and its back."""  # fmt: skip
+    """Cab and, maybe, bonnet; ``along`` holds z of the nose, the cab's front and its back."""
     u = rng.uniform
     nose, front, back = along
     low = 0.55
@@ -236,10 +273,12 @@ def _cab(
     build.add(BLACK, box((2 * half + 0.02, 0.03, 0.16), (0, belt - 0.15, front + 1.12)))
     _mirrors(build, half, belt + 0.1, front + 0.15, 0.42)
     if nose < front:
-        build.add(paint, rounded_box((1.5, 1.0, front - nose + 0.3), (0, 1.22, (front + nose) / 2 + 0.15),
-            0.12))  # fmt: skip
-        build.add(paint, rounded_box((2 * half, 0.45, front - nose), (0, 0.98, (front + nose) / 2 + 0.1),
-            0.14))  # fmt: skip
+        build.add(
+            paint, rounded_box((1.5, 1.0, front - nose + 0.3), (0, 1.22, (front + nose) / 2 + 0.15), 0.12)
+        )
+        build.add(
+            paint, rounded_box((2 * half, 0.45, front - nose), (0, 0.98, (front + nose) / 2 + 0.1), 0.14)
+        )
         if rng.random() < 0.6:
             build.add(CHROME, tube([(half + 0.02, 0.9, back + 0.1), (half + 0.02, top + 0.35, back + 0.1)],
                 0.075, 10).pair())  # fmt: skip
@@ -247,8 +286,10 @@ def _cab(
     wide = 1.2 if nose < front else u(1.3, 1.9)
     build.add(BLACK, box((wide, 0.62, 0.05), (0, 1.22, nose - 0.005)))
     for k in range(int(rng.integers(3, 6))):
-        build.add(STEEL if lattice is BLACK else CHROME, box((wide - 0.08, 0.035, 0.05), (0, 1.0 + 0.12 * k,
-            nose - 0.012)))  # fmt: skip
+        build.add(
+            STEEL if lattice is BLACK else CHROME,
+            box((wide - 0.08, 0.035, 0.05), (0, 1.0 + 0.12 * k, nose - 0.012)),
+        )
     bumper = BLACK if rng.random() < 0.5 else (CHROME if rng.random() < 0.4 else paint)
     build.add(bumper, rounded_box((2 * half + 0.03, 0.36, 0.3), (0, 0.55, nose + 0.1), 0.05))
     _lamps(build, rng, half, 0.6 if nose == front else 1.02, nose - (0.06 if nose == front else 0.0), 0.34)
@@ -258,8 +299,9 @@ def _cab(
         build.add(paint, extrude(shield, 1.8 * half, "zy"))
     for x in np.linspace(-0.7, 0.7, 5) * half:
         build.add(AMBER, box((0.1, 0.05, 0.06), (float(x), top - 0.03, front + rake + 0.2)))
-    build.add(BLACK, box((2 * half - 0.02, 0.5, 0.9), (0, 0.68,
-        front + 0.55 if nose < front else back - 0.35)))  # fmt: skip
+    build.add(
+        BLACK, box((2 * half - 0.02, 0.5, 0.9), (0, 0.68, front + 0.55 if nose < front else back - 0.35))
+    )
     # The front wheels' arches.
     axle = nose + (1.0 if nose < front else 1.35)
     t = np.linspace(0, np.pi, 13)
@@ -287,10 +329,14 @@ def _load(
         edge = darker(skin, 0.75)
         for x in (-1.0, 1.0):
             for z in (z0, z1):
-                build.add(edge, box((0.07, top - deck + 0.02, 0.07), (x * (half + 0.02), (top + deck) / 2,
-                    z)))  # fmt: skip
-            build.add(edge, box((0.07, 0.09, long), (x * (half + 0.02), top, middle)), box((0.07, 0.12,
-                long), (x * (half + 0.02), deck, middle)))  # fmt: skip
+                build.add(
+                    edge, box((0.07, top - deck + 0.02, 0.07), (x * (half + 0.02), (top + deck) / 2, z))
+                )
+            build.add(
+                edge,
+                box((0.07, 0.09, long), (x * (half + 0.02), top, middle)),
+                box((0.07, 0.12, long), (x * (half + 0.02), deck, middle)),
+            )
         build.add(BLACK, box((0.03, top - deck - 0.1, 0.02), (0, (top + deck) / 2, z1 + 0.005)))
         for x in (-0.3, 0.3):
             build.add(STEEL, bar((x, deck + 0.05, z1 + 0.02), (x, top - 0.05, z1 + 0.02), 0.04))
@@ -304,20 +350,27 @@ def _load(
                 # The picture looks to +z when made; a quarter turn lays it on a side.
                 picture = text_picture(128, [(word, 0.5, 0.5, 0.2)], (red, green, blue), ink)
                 sheet = box((side, 0.28 * side, 0.01)).turned("y", 90.0 * sign)
-                build.add(picture_paint(picture, side, "lettering", False),
-                    sheet.moved(sign * (half + 0.033), (top + deck) / 2 + 0.1, middle))  # fmt: skip
+                build.add(
+                    picture_paint(picture, side, "lettering", False),
+                    sheet.moved(sign * (half + 0.033), (top + deck) / 2 + 0.1, middle),
+                )
     elif kind == 2:
         body = paint if rng.random() < 0.3 else plain([(0.85, 0.6, 0.1), (0.4, 0.42, 0.44), (0.75, 0.2,
             0.1)][int(rng.integers(3))], "tipper")  # fmt: skip
         rise = u(0.9, 1.3)
-        build.add(body, box((2 * half, 0.1, long), (0, deck + 0.05, middle)), box((2 * half, rise + 0.4,
-            0.08), (0, deck + (rise + 0.4) / 2, z0)), box((2 * half, rise, 0.08), (0, deck + rise / 2,
-            z1 - 0.04)))  # fmt: skip
+        build.add(
+            body,
+            box((2 * half, 0.1, long), (0, deck + 0.05, middle)),
+            box((2 * half, rise + 0.4, 0.08), (0, deck + (rise + 0.4) / 2, z0)),
+            box((2 * half, rise, 0.08), (0, deck + rise / 2, z1 - 0.04)),
+        )
         for x in (-1.0, 1.0):
             build.add(body, box((0.08, rise, long), (x * half, deck + rise / 2, middle)))
             for k in range(5):
-                build.add(darker(body, 0.8), box((0.1, rise, 0.1), (x * (half + 0.02), deck + rise / 2,
-                    z0 + (k + 0.5) * long / 5)))  # fmt: skip
+                build.add(
+                    darker(body, 0.8),
+                    box((0.1, rise, 0.1), (x * (half + 0.02), deck + rise / 2, z0 + (k + 0.5) * long / 5)),
+                )
         if rng.random() < 0.5:
             mound = [(z0 + 0.1, deck + 0.1), (z1 - 0.1, deck + 0.1), (middle + 0.8, deck + rise + 0.25),
                 (middle - 0.8, deck + rise + 0.25)]  # fmt: skip

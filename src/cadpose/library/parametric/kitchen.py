@@ -11,13 +11,22 @@ from cadpose.library.parametric.paints import Colour, plain
 from cadpose.library.parametric.shapes import bar, box, cylinder, frustum, lathe, rounded_box, torus, tube
 from cadpose.library.parametric.solids import Builder, Paint
 
-_ENAMELS: tuple[Colour, ...] = ((0.93, 0.93, 0.92), (0.93, 0.93, 0.92), (0.72, 0.73, 0.75), (0.66, 0.67,
-    0.69), (0.09, 0.09, 0.10), (0.88, 0.84, 0.74), (0.50, 0.10, 0.10), (0.30, 0.42, 0.50))  # fmt: skip
+_ENAMELS: tuple[Colour, ...] = (
+    (0.93, 0.93, 0.92),
+    (0.93, 0.93, 0.92),
+    (0.72, 0.73, 0.75),
+    (0.66, 0.67, 0.69),
+    (0.09, 0.09, 0.10),
+    (0.88, 0.84, 0.74),
+    (0.50, 0.10, 0.10),
+    (0.30, 0.42, 0.50),
+)
 
 
 def _enamel(rng: Generator) -> Paint:
-    return plain(_ENAMELS[int(rng.choice(len(_ENAMELS), p=[0.28, 0.12, 0.2, 0.12, 0.16, 0.05, 0.03, 0.04]))],
-        "enamel")  # fmt: skip
+    return plain(
+        _ENAMELS[int(rng.choice(len(_ENAMELS), p=[0.28, 0.12, 0.2, 0.12, 0.16, 0.05, 0.03, 0.04]))], "enamel"
+    )
 
 
 def _is_dark(paint: Paint) -> bool:
@@ -61,8 +70,9 @@ def _door(
     w, h = wide * u(0.62, 0.8), high * u(0.42, 0.6)
     y = low + high * u(0.42, 0.47)
     if rng.random() < 0.4:
-        build.add(STEEL if not glass_door else BLACK, rounded_box((w + 0.02, h + 0.02, 0.006), (x, y, face),
-            0.003))  # fmt: skip
+        build.add(
+            STEEL if not glass_door else BLACK, rounded_box((w + 0.02, h + 0.02, 0.006), (x, y, face), 0.003)
+        )
     build.add(inside, rounded_box((w, h, 0.008), (x, y, face - 0.001), 0.003))
     if rng.random() < 0.5:
         rack = plain((0.4, 0.4, 0.42), "rack")
@@ -96,8 +106,10 @@ def _stove(build: Builder, rng: Generator) -> None:
     build.add(BLACK, box((wide - 0.06, 0.08, deep - 0.1), (0, 0.04, 0.02)))
     top = high
     ceramic = rng.random() < 0.35
-    build.add(BLACK if ceramic or rng.random() < 0.4 else paint, rounded_box((wide + 0.005, 0.02,
-        deep + 0.01), (0, top, 0), 0.006))  # fmt: skip
+    build.add(
+        BLACK if ceramic or rng.random() < 0.4 else paint,
+        rounded_box((wide + 0.005, 0.02, deep + 0.01), (0, top, 0), 0.006),
+    )
     _hob(build, rng, wide, deep, top + 0.01, ceramic)
     panel_y = top - 0.065
     behind = rng.random() < 0.3
@@ -125,8 +137,9 @@ def _stove(build: Builder, rng: Generator) -> None:
             _door(build, rng, paint, (x * wide, 0.1, half, door_top - 0.11), z)
         return
     _door(build, rng, paint, (0.0, low, wide - 0.016, door_top - low), z)
-    build.add(paint, rounded_box((wide - 0.016, low - 0.09, 0.035), (0, 0.08 + (low - 0.09) / 2, z - 0.01),
-        0.006))  # fmt: skip
+    build.add(
+        paint, rounded_box((wide - 0.016, low - 0.09, 0.035), (0, 0.08 + (low - 0.09) / 2, z - 0.01), 0.006)
+    )
     if rng.random() < 0.5:
         _handle(build, knob, -0.25 * wide, 0.25 * wide, low - 0.05, z - 0.027, True)
 
@@ -146,8 +159,10 @@ def _hob(build: Builder, rng: Generator, wide: float, deep: float, y: float, cer
     for x, z, r in spots:
         at = (x * wide, y, z * deep)
         if electric:
-            build.add(plain((0.15, 0.15, 0.16), "plate"), lathe([(r, 0), (r, 0.012), (0.9 * r, 0.015),
-                (0.2 * r, 0.012)], 20, at))  # fmt: skip
+            build.add(
+                plain((0.15, 0.15, 0.16), "plate"),
+                lathe([(r, 0), (r, 0.012), (0.9 * r, 0.015), (0.2 * r, 0.012)], 20, at),
+            )
             build.add(STEEL, torus(r, 0.006, sides=20, around=4).moved(*at))
             continue
         build.add(STEEL, cylinder(0.55 * r, 0.008, at, 16))
@@ -161,8 +176,9 @@ def _hob(build: Builder, rng: Generator, wide: float, deep: float, y: float, cer
             size = (0.44 * wide, 0.92 * deep)
             for sign in (-0.5, 0.5):
                 build.add(BLACK, box((size[0], 0.01, 0.012), (x * wide, y + 0.036, sign * size[1] * 0.95)))
-                build.add(BLACK, box((0.012, 0.01, size[1] * 0.95), (x * wide + sign * size[0], y + 0.036,
-                    0)))  # fmt: skip
+                build.add(
+                    BLACK, box((0.012, 0.01, size[1] * 0.95), (x * wide + sign * size[0], y + 0.036, 0))
+                )
 
 
 def _built_in(build: Builder, rng: Generator) -> None:
@@ -172,13 +188,16 @@ def _built_in(build: Builder, rng: Generator) -> None:
     double = rng.random() < 0.25
     high = u(0.56, 0.62) if not double else u(1.1, 1.3)
     z = -deep / 2
-    build.add(plain((0.45, 0.47, 0.46), "casing"), box((wide - 0.04, high - 0.02, deep - 0.02), (0, high / 2,
-        0.01)))  # fmt: skip
+    build.add(
+        plain((0.45, 0.47, 0.46), "casing"), box((wide - 0.04, high - 0.02, deep - 0.02), (0, high / 2, 0.01))
+    )
     build.add(paint, box((wide, high, 0.02), (0, high / 2, z + 0.01)))
     panel = 0.11
     face = z - 0.014
-    build.add(DARK_GLASS if rng.random() < 0.5 else paint, rounded_box((wide, panel, 0.024), (0,
-        high - panel / 2, z - 0.003), 0.004))  # fmt: skip
+    build.add(
+        DARK_GLASS if rng.random() < 0.5 else paint,
+        rounded_box((wide, panel, 0.024), (0, high - panel / 2, z - 0.003), 0.004),
+    )
     _display(build, rng, 0.0, high - panel / 2, face - 0.003, 0.13)
     knob = CHROME if rng.random() < 0.6 else (BLACK if not _is_dark(paint) else STEEL)
     for x in [(-0.2, 0.2), (-0.32, -0.18, 0.18, 0.32), (0.3,)][int(rng.integers(3))]:
@@ -204,16 +223,32 @@ def _table_oven(build: Builder, rng: Generator) -> None:
     middle = high / 2 + 0.015
     window = 0.68 * wide
     at = wide / 2 - window / 2 - 0.02
-    build.add(STEEL if _is_dark(paint) else plain((0.2, 0.2, 0.21), "frame"), rounded_box((window,
-        0.8 * high, 0.02), (at, middle, z - 0.004), 0.006))  # fmt: skip
+    build.add(
+        STEEL if _is_dark(paint) else plain((0.2, 0.2, 0.21), "frame"),
+        rounded_box((window, 0.8 * high, 0.02), (at, middle, z - 0.004), 0.006),
+    )
     build.add(DARK_GLASS, box((window - 0.035, 0.62 * high, 0.01), (at, middle - 0.01, z - 0.012)))
     for k in (-0.12, 0.1):
         build.add(STEEL, box((window - 0.05, 0.003, 0.003), (at, middle + k * high, z - 0.018)))
-    _handle(build, CHROME if rng.random() < 0.5 else BLACK, at - 0.4 * window, at + 0.4 * window,
-        middle + 0.35 * high, z - 0.012, True)  # fmt: skip
+    _handle(
+        build,
+        CHROME if rng.random() < 0.5 else BLACK,
+        at - 0.4 * window,
+        at + 0.4 * window,
+        middle + 0.35 * high,
+        z - 0.012,
+        True,
+    )
     for k in range(3):
-        _knob(build, rng, BLACK if not _is_dark(paint) else CHROME, 0.02, -wide / 2 + 0.055,
-            middle + (k - 1) * 0.28 * high, z)  # fmt: skip
+        _knob(
+            build,
+            rng,
+            BLACK if not _is_dark(paint) else CHROME,
+            0.02,
+            -wide / 2 + 0.055,
+            middle + (k - 1) * 0.28 * high,
+            z,
+        )
 
 
 def microwave(rng: Generator) -> Mesh:
@@ -230,11 +265,14 @@ def microwave(rng: Generator) -> Mesh:
     at = wide / 2 - door / 2
     trim = DARK_GLASS if rng.random() < 0.5 else paint
     build.add(trim, rounded_box((door - 0.004, high - 0.01, 0.022), (at, middle, z - 0.006), 0.006))
-    build.add(paint if rng.random() < 0.5 else BLACK, rounded_box((panel - 0.004, high - 0.01, 0.022),
-        (-wide / 2 + panel / 2, middle, z - 0.006), 0.006))  # fmt: skip
+    build.add(
+        paint if rng.random() < 0.5 else BLACK,
+        rounded_box((panel - 0.004, high - 0.01, 0.022), (-wide / 2 + panel / 2, middle, z - 0.006), 0.006),
+    )
     window = plain((0.15, 0.15, 0.16), "window") if trim is DARK_GLASS else DARK_GLASS
-    build.add(window, rounded_box((0.72 * door, 0.62 * high, 0.008), (at + 0.02 * wide, middle, z - 0.016),
-        0.004))  # fmt: skip
+    build.add(
+        window, rounded_box((0.72 * door, 0.62 * high, 0.008), (at + 0.02 * wide, middle, z - 0.016), 0.004)
+    )
     x = -wide / 2 + panel / 2
     _display(build, rng, x, middle + 0.34 * high, z - 0.018, 0.72 * panel)
     if rng.random() < 0.55:
@@ -242,23 +280,42 @@ def microwave(rng: Generator) -> Mesh:
         for row in range(5):
             for column in (-1, 0, 1):
                 size = (0.2 * panel, 0.07 * high, 0.008)
-                build.add(key, box(size, (x + column * 0.26 * panel, middle + (0.15 - 0.1 * row) * high,
-                    z - 0.018)))  # fmt: skip
+                build.add(
+                    key, box(size, (x + column * 0.26 * panel, middle + (0.15 - 0.1 * row) * high, z - 0.018))
+                )
     else:
         for y in (0.08, -0.22):
-            _knob(build, rng, STEEL if rng.random() < 0.5 else BLACK, 0.24 * panel, x, middle + y * high,
-                z - 0.016)  # fmt: skip
+            _knob(
+                build,
+                rng,
+                STEEL if rng.random() < 0.5 else BLACK,
+                0.24 * panel,
+                x,
+                middle + y * high,
+                z - 0.016,
+            )
     if rng.random() < 0.6:
         edge = -wide / 2 + panel + 0.025
-        build.add(CHROME if rng.random() < 0.6 else BLACK, tube([(edge, middle - 0.34 * high, z - 0.01),
-            (edge, middle - 0.3 * high, z - 0.045), (edge, middle + 0.3 * high, z - 0.045), (edge,
-            middle + 0.34 * high, z - 0.01)], 0.008, 8))  # fmt: skip
+        build.add(
+            CHROME if rng.random() < 0.6 else BLACK,
+            tube(
+                [
+                    (edge, middle - 0.34 * high, z - 0.01),
+                    (edge, middle - 0.3 * high, z - 0.045),
+                    (edge, middle + 0.3 * high, z - 0.045),
+                    (edge, middle + 0.34 * high, z - 0.01),
+                ],
+                0.008,
+                8,
+            ),
+        )
     for side in (-0.42, 0.42):
         for back in (-0.4, 0.4):
             build.add(BLACK, cylinder(0.012, 0.014, (side * wide, 0, back * deep), 10))
     for k in range(5):
-        build.add(BLACK, box((0.004, 0.008, 0.4 * deep), (wide / 2, middle + (0.05 * k) * high,
-            0.12 * deep)).pair())  # fmt: skip
+        build.add(
+            BLACK, box((0.004, 0.008, 0.4 * deep), (wide / 2, middle + (0.05 * k) * high, 0.12 * deep)).pair()
+        )
     return build.mesh("microwave")
 
 
@@ -266,34 +323,54 @@ def washing_machine(rng: Generator) -> Mesh:
     """A front loader: round door, drawer at the own right, knob and display above."""
     u = rng.uniform
     build = Builder()
-    paint = plain([(0.94, 0.94, 0.94), (0.94, 0.94, 0.94), (0.62, 0.63, 0.65), (0.2, 0.2,
-        0.22)][int(rng.integers(4))], "enamel")  # fmt: skip
+    paint = plain(
+        [(0.94, 0.94, 0.94), (0.94, 0.94, 0.94), (0.62, 0.63, 0.65), (0.2, 0.2, 0.22)][int(rng.integers(4))],
+        "enamel",
+    )
     wide, high, deep = u(0.58, 0.62), u(0.82, 0.9), u(0.5, 0.62)
     z = -deep / 2
     build.add(paint, rounded_box((wide, high, deep), (0, high / 2, 0), 0.01))
     build.add(paint, rounded_box((wide + 0.004, 0.03, deep + 0.012), (0, high - 0.012, 0), 0.006))
     row = high - 0.09
-    build.add(DARK_GLASS if rng.random() < 0.25 else paint, rounded_box((wide - 0.01, 0.11, 0.02), (0, row,
-        z - 0.004), 0.006))  # fmt: skip
+    build.add(
+        DARK_GLASS if rng.random() < 0.25 else paint,
+        rounded_box((wide - 0.01, 0.11, 0.02), (0, row, z - 0.004), 0.006),
+    )
     build.add(paint, rounded_box((0.19, 0.09, 0.024), (wide / 2 - 0.11, row, z - 0.008), 0.006))
     build.add(BLACK, box((0.1, 0.012, 0.01), (wide / 2 - 0.11, row - 0.03, z - 0.018)))
     knob = CHROME if rng.random() < 0.5 else (WHITE if rng.random() < 0.5 else STEEL)
     _knob(build, rng, knob, u(0.028, 0.036), u(-0.05, 0.02), row, z - 0.014)
     _display(build, rng, -wide / 2 + 0.14, row + 0.01, z - 0.014, 0.11)
     for k in range(4):
-        build.add(STEEL, cylinder(0.008, 0.008, sides=10).turned("x", -90).moved(-wide / 2 + 0.08 + 0.04 * k,
-            row - 0.033, z - 0.014))  # fmt: skip
+        build.add(
+            STEEL,
+            cylinder(0.008, 0.008, sides=10)
+            .turned("x", -90)
+            .moved(-wide / 2 + 0.08 + 0.04 * k, row - 0.033, z - 0.014),
+        )
     r, y = u(0.15, 0.19), high * u(0.46, 0.5)
     rim = CHROME if rng.random() < 0.45 else (WHITE if rng.random() < 0.6 else plain((0.2, 0.2, 0.22), "rim"))
-    build.add(rim, lathe([(1.2 * r, 0.0), (1.2 * r, 0.015), (1.1 * r, 0.035), (0.9 * r, 0.035)],
-        36).turned("x", -90).moved(0, y, z))  # fmt: skip
+    build.add(
+        rim,
+        lathe([(1.2 * r, 0.0), (1.2 * r, 0.015), (1.1 * r, 0.035), (0.9 * r, 0.035)], 36)
+        .turned("x", -90)
+        .moved(0, y, z),
+    )
     glass = plain((0.14, 0.16, 0.19), "door glass")
-    build.add(glass, lathe([(0.9 * r, 0.0), (0.9 * r, 0.04), (0.7 * r, 0.055), (0.3 * r, 0.062)],
-        32).turned("x", -90).moved(0, y, z))  # fmt: skip
-    build.add(plain((0.32, 0.34, 0.37), "drum"), torus(0.62 * r, 0.012, sides=28, around=5).turned("x",
-        90).moved(0, y, z - 0.056))  # fmt: skip
-    build.add(BLACK if rim is not BLACK else CHROME, rounded_box((0.03, 0.1, 0.02), (-1.06 * r, y,
-        z - 0.036), 0.008))  # fmt: skip
+    build.add(
+        glass,
+        lathe([(0.9 * r, 0.0), (0.9 * r, 0.04), (0.7 * r, 0.055), (0.3 * r, 0.062)], 32)
+        .turned("x", -90)
+        .moved(0, y, z),
+    )
+    build.add(
+        plain((0.32, 0.34, 0.37), "drum"),
+        torus(0.62 * r, 0.012, sides=28, around=5).turned("x", 90).moved(0, y, z - 0.056),
+    )
+    build.add(
+        BLACK if rim is not BLACK else CHROME,
+        rounded_box((0.03, 0.1, 0.02), (-1.06 * r, y, z - 0.036), 0.008),
+    )
     build.add(paint, box((wide - 0.02, 0.004, 0.012), (0, 0.12, z - 0.001)))
     build.add(plain((0.5, 0.5, 0.52), "gap"), box((wide - 0.01, 0.005, 0.006), (0, 0.115, z)))
     build.add(STEEL, box((0.1, 0.06, 0.008), (-wide / 2 + 0.09, 0.06, z)))

@@ -29,8 +29,13 @@ def motorbike_of_style(rng: Generator, style: str) -> Mesh:
     base = {"naked": 1.42, "sport": 1.40, "cruiser": 1.62, "scooter": 1.30, "dirt": 1.46}[style] * u(
         0.97, 1.04
     )
-    front, rear = { "naked": (0.30, 0.31), "sport": (0.30, 0.31), "cruiser": (0.32, 0.32), "scooter": (0.235,
-        0.235), "dirt": (0.345, 0.32), }[style]  # fmt: skip
+    front, rear = {
+        "naked": (0.30, 0.31),
+        "sport": (0.30, 0.31),
+        "cruiser": (0.32, 0.32),
+        "scooter": (0.235, 0.235),
+        "dirt": (0.345, 0.32),
+    }[style]
     grow = u(0.97, 1.05) if style != "scooter" else u(0.92, 1.25)
     seat = {"naked": 0.80, "sport": 0.82, "cruiser": 0.69, "scooter": 0.78, "dirt": 0.92}[style] * u(
         0.98, 1.03
@@ -40,12 +45,21 @@ def motorbike_of_style(rng: Generator, style: str) -> Mesh:
     )
     top = {"naked": 0.93, "sport": 0.88, "cruiser": 0.95, "scooter": 0.95, "dirt": 1.03}[style]
     dark = rng.random() < 0.5
-    bike = Chassis(front * grow, rear * grow, -base / 2, base / 2, seat, (top, -base / 2 + rake),
+    bike = Chassis(
+        front * grow,
+        rear * grow,
+        -base / 2,
+        base / 2,
+        seat,
+        (top, -base / 2 + rake),
         plain(COLOURS[int(rng.integers(len(COLOURS)))], "paint"),
         BLACK if rng.random() < 0.7 else plain(COLOURS[int(rng.integers(len(COLOURS)))], "frame"),
-        plain((0.2, 0.2, 0.21), "engine") if dark else STEEL, plain([(0.09, 0.08, 0.08), (0.09, 0.08, 0.08),
-        (0.36, 0.2, 0.12)][int(rng.integers(3))], "seat"), CHROME if rng.random() < 0.4 else plain([(0.1,
-        0.1, 0.1), (0.7, 0.6, 0.3), (0.6, 0.6, 0.62)][int(rng.integers(3))], "rim"))  # fmt: skip
+        plain((0.2, 0.2, 0.21), "engine") if dark else STEEL,
+        plain([(0.09, 0.08, 0.08), (0.09, 0.08, 0.08), (0.36, 0.2, 0.12)][int(rng.integers(3))], "seat"),
+        CHROME
+        if rng.random() < 0.4
+        else plain([(0.1, 0.1, 0.1), (0.7, 0.6, 0.3), (0.6, 0.6, 0.62)][int(rng.integers(3))], "rim"),
+    )
     build = Builder()
     _wheels(build, bike, rng, style)
     _fork(build, bike, rng, style)
@@ -95,8 +109,13 @@ def _fork(build: Builder, bike: Chassis, rng: Generator, style: str) -> None:
         lean = (z - bike.z_front) / (y - bike.front)
         for down in (0.02, 0.2):
             build.add(BLACK, box((2 * apart + 0.07, 0.03, 0.08), (0, y - down, z - down * lean)))
-    rise, back, wide = { "naked": (0.10, 0.08, 0.37), "sport": (-0.02, 0.04, 0.33), "cruiser": (u(0.12, 0.4),
-        0.22, 0.42), "scooter": (0.09, 0.06, 0.33), "dirt": (0.13, 0.08, 0.40), }[style]  # fmt: skip
+    rise, back, wide = {
+        "naked": (0.10, 0.08, 0.37),
+        "sport": (-0.02, 0.04, 0.33),
+        "cruiser": (u(0.12, 0.4), 0.22, 0.42),
+        "scooter": (0.09, 0.06, 0.33),
+        "dirt": (0.13, 0.08, 0.40),
+    }[style]
     wide *= u(0.93, 1.06)
     grip: Array = np.array([wide, y + rise, z + back])
     bends = [(0.03, y, z), (0.12, y + 0.4 * rise, z - 0.01), (0.6 * wide, y + rise, z + 0.3 * back)]
@@ -138,8 +157,19 @@ def _engine(build: Builder, bike: Chassis, rng: Generator, style: str) -> None:
     """Engine, frame, swing arm, chain side, pegs and shock absorbers."""
     y, z = bike.head
     low = 0.19 if style != "dirt" else 0.3
-    build.add(bike.engine, hull([(-0.22, low + 0.17, 0.13, 0.11), (-0.17, low + 0.16, 0.15, 0.15), (0.12,
-        low + 0.16, 0.16, 0.15), (0.2, low + 0.15, 0.13, 0.1)], 0.5, 12))  # fmt: skip
+    build.add(
+        bike.engine,
+        hull(
+            [
+                (-0.22, low + 0.17, 0.13, 0.11),
+                (-0.17, low + 0.16, 0.15, 0.15),
+                (0.12, low + 0.16, 0.16, 0.15),
+                (0.2, low + 0.15, 0.13, 0.1),
+            ],
+            0.5,
+            12,
+        ),
+    )
     build.add(STEEL, along_x(cylinder(0.1, 0.36, (0, -0.18, 0), 14)).moved(0, low + 0.17, 0.02))
     leans = (-28.0, 28.0) if style == "cruiser" else ((18.0,) if style == "dirt" else (22.0,))
     wide = 0.17 if style in ("cruiser", "dirt") else 0.32
