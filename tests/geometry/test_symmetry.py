@@ -128,6 +128,16 @@ def test_normals_tell_the_faces_of_a_sheet_apart() -> None:
     assert find_symmetry(points, normals, painted).about((0, 0, 1)).name == "C2"
 
 
+def test_what_is_not_tested_need_not_meet_anything() -> None:
+    points, triangle = sample(
+        np.concatenate([box(1, 2, 1), moved(box(0.2, 0.4, 0.1), 0.1, 0.3, 0.2)]), 8000, 0
+    )
+    assert find_symmetry(points).is_trivial
+    assert find_symmetry(points, tested=triangle < 12).name == "D4"
+    with pytest.raises(ValueError, match="tested"):
+        find_symmetry(points, tested=np.zeros(8000, np.bool_))
+
+
 def test_scale_and_place_do_not_matter() -> None:
     points, _ = sample(box(3, 2, 1), 3000, 0)
     for scale, shift in ((1e-3, 0.0), (1e4, 1e5)):

@@ -43,6 +43,7 @@ def find_symmetry(
     normals: FloatArray | NDArray[np.float32] | None = None,
     colours: FloatArray | NDArray[np.float32] | None = None,
     *,
+    tested: NDArray[np.bool_] | None = None,
     tolerance: float = 0.02,
     outliers: float = 0.003,
 ) -> SymmetryGroup:
@@ -56,6 +57,8 @@ def find_symmetry(
         normals: (N, 3) outward normals, shorter (down to zero) where the side is not sure. With them the two
             faces of a thin sheet are told apart.
         colours: (N, 3) in [0, 1], if they count.
+        tested: (N,) points that have to meet others when turned; the rest are only there to be met. All by
+            default.
         tolerance: How far a turned point may lie from the surface, relative to the bounding box's diagonal.
         outliers: Share of points that may lie farther, beyond what sparse sampling alone explains.
 
@@ -65,7 +68,7 @@ def find_symmetry(
     Raises:
         ValueError: shapes disagree, too few points, or a value is not finite.
     """
-    shape = _Shape.of(points, normals, colours, tolerance, outliers)
+    shape = _Shape.of(points, normals, colours, tested, tolerance, outliers)
     axes = _axes(shape)
     found = [turn for axis in axes if (turn := _about(shape, axis)) is not None]
     return _group(shape, _distinct(found))
@@ -90,6 +93,7 @@ class _Shape:
         points: FloatArray | NDArray[np.float32],
         normals: FloatArray | NDArray[np.float32] | None,
         colours: FloatArray | NDArray[np.float32] | None,
+        tested: NDArray[np.bool_] | None,
         tolerance: float,
         outliers: float,
     ) -> _Shape:
@@ -97,12 +101,16 @@ class _Shape:
         given = [P, *(np.asarray(a, np.float64) for a in (normals, colours) if a is not None)]
         if P.ndim != 2 or P.shape[1:] != (3,) or any(a.shape != P.shape for a in given):
             raise ValueError(f"expected (N, 3) arrays of one length, got {[a.shape for a in given]}")
+        if tested is not None and (tested.shape != P.shape[:1] or not tested.any()):
+            raise ValueError("tested points: expected one bool a point, at least one true")
         if len(P) < _LEAST_POINTS or not all(np.isfinite(a).all() for a in given):
             raise ValueError(f"expected at least {_LEAST_POINTS} finite points, got {len(P)}")
         diagonal = float(np.linalg.norm(np.ptp(P, axis=0)))
         if not diagonal > 0.0:
             raise ValueError("all points are one")
-        P = (P - _centre(P - P.mean(axis=0)) - P.mean(axis=0)) / diagonal
+        seen = slice(None) if tested is None else tested
+        P = P - P.mean(axis=0)
+        P = (P - _centre(P[seen])) / diagonal
         rng = np.random.default_rng(0)
         order = rng.permutation(len(P))
         gap = _median_gap(P, order[: min(400, 1_500_000 // len(P) + 1)])
@@ -112,15 +120,16 @@ class _Shape:
         if normals is not None:
             # Far enough to part the two faces of a sheet, near enough that its rim stays with them.
             P = P + 0.55 * reach * np.asarray(normals, np.float64)
-            P = P - _centre(P)
+            P = P - _centre(P[seen])
         radius = float(np.linalg.norm(P, axis=1).max()) + 1e-6
         kinds, like = _colour_kinds(None if colours is None else np.asarray(colours, np.float64)[order])
         P = P[order]
         near, cells = _near(P, like, radius, reach)
+        chosen = (np.arange(len(P)) if tested is None else np.flatnonzero(tested[order]))[:_QUERIES]
         return cls(
-            P[:_QUERIES],
-            kinds[:_QUERIES] * cells**3,
-            P[:_SOFT_QUERIES],
+            P[chosen],
+            kinds[chosen % len(kinds)] * cells**3,
+            P[chosen[:_SOFT_QUERIES]],
             near,
             _distance_field(P, radius),
             radius,
@@ -294,8 +303,10 @@ class _Turn:
 
 def _about(shape: _Shape, axis: FloatArray) -> _Turn | None:
     """The order of rotation about an axis, None where there is none."""
+    # Whoever made the model meant its own axes: a tilted axis must not win by a hair.
+    most = shape.outliers * (1.5 if _is_own(axis) else 1.0)
     first = dict(zip(_FIRST, shape.outlying(rotation_about(axis, 360.0 * np.array(_FIRST))), strict=True))
-    if min(first.values()) > shape.outliers:
+    if min(first.values()) > most:
         return None
     rest = [f for f in _FRACTIONS if f not in first]
     share = first | dict(zip(rest, shape.outlying(rotation_about(axis, 360.0 * np.array(rest))), strict=True))
@@ -303,7 +314,7 @@ def _about(shape: _Shape, axis: FloatArray) -> _Turn | None:
     fits = {
         n: max(share[min(k, n - k) / n] for k in range(1, n))
         for n in range(2, HIGHEST_ORDER + 1)
-        if all(share[min(k, n - k) / n] <= shape.outliers for k in range(1, n))
+        if all(share[min(k, n - k) / n] <= most for k in range(1, n))
     }
     if not fits:
         return None
@@ -314,7 +325,7 @@ def _about(shape: _Shape, axis: FloatArray) -> _Turn | None:
     mean_off = {n: float(np.mean([off[min(k, n - k) / n] for k in range(1, n)])) for n in fits}
     close = 1.15 * min(mean_off.values()) + 0.0003
     round_ = rotation_about(axis, _ROUND)
-    if shape.distance(round_).mean() <= close and (shares := shape.outlying(round_)).max() <= shape.outliers:
+    if shape.distance(round_).mean() <= close and (shares := shape.outlying(round_)).max() <= most:
         return _Turn(axis, 0, float(shares.max()))
     order = max(n for n in fits if mean_off[n] <= close)
     return _Turn(axis, order, float(fits[order]))
@@ -343,6 +354,7 @@ def _group(shape: _Shape, turns: list[_Turn]) -> SymmetryGroup:
         return two_sided if alike else SymmetryGroup.revolution(axis)
     group = SymmetryGroup.trivial()
     generators: list[FloatArray] = []
+    own = False
     for turn in turns:
         one = rotation_about(turn.axis, 360.0 / turn.order)
         if geodesic_degrees(group.rotations, one).min() < 8.0:
@@ -352,13 +364,15 @@ def _group(shape: _Shape, turns: list[_Turn]) -> SymmetryGroup:
         except ValueError:
             continue
         # Half turns about axes that are a little off would make steps finer than any that was tested.
-        if len(larger.rotations) > 1 and _smallest(larger) < 359.0 / HIGHEST_ORDER:
+        if geodesic_degrees(larger.rotations[1:], np.eye(3)).min() < 359.0 / HIGHEST_ORDER:
             continue
         # Averaging moves the elements a little: each is looked at again, less strictly.
         if shape.outlying(larger.rotations).max() <= 2.0 * shape.outliers:
             group = larger
+            own = own or (not generators and _is_own(turn.axis))
             generators.append(one)
-    return group if group.is_trivial else _polished(shape, group)
+    # The object's own axes are exact where they fit.
+    return group if group.is_trivial or own else _polished(shape, group)
 
 
 def _is_own(axis: FloatArray) -> bool:
@@ -378,10 +392,4 @@ def _polished(shape: _Shape, group: SymmetryGroup) -> SymmetryGroup:
             if min(scores) >= best:
                 break
             best, turn = min(scores), tried[int(np.argmin(scores))]
-    # The object's own axes are exact where they fit as well.
     return SymmetryGroup(turn @ group.rotations @ turn.T) if best < 0.96 * start else group
-
-
-def _smallest(group: SymmetryGroup) -> float:
-    """The smallest turn in a finite group, in degrees."""
-    return float(geodesic_degrees(group.rotations[1:], np.eye(3)).min())

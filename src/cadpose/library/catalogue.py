@@ -20,10 +20,12 @@ from numpy.typing import NDArray
 from platformdirs import user_data_dir
 
 from cadpose.errors import LibraryError
+from cadpose.geometry.symmetry import SymmetryGroup
 from cadpose.library.importing import AddReport, Imported, ImportItem, Progress, import_all, mesh_path
 from cadpose.library.mesh import Mesh
 from cadpose.library.sampling import farthest_points, sample_surface
 from cadpose.library.storage import mesh_from_file, sha256_of, write_atomic
+from cadpose.library.symmetry import kept_symmetry
 from cadpose.records import CadModel
 
 log = logging.getLogger(__name__)
@@ -170,18 +172,25 @@ class Library:
             raise ValueError(f"count must be at least 1, got {count}")
         model = self.get(cad if isinstance(cad, str) else cad.id)
         kept = mesh_path(self._mesh_folder, model.sha256).with_suffix(f".{count}-{seed}.npy")
-        try:
+        with suppress(OSError, ValueError, EOFError):
             points = np.load(kept, allow_pickle=False)
             if points.shape == (count, 3) and points.dtype == np.float32:
                 return np.asarray(points, dtype=np.float32)
-        except (OSError, ValueError, EOFError):
-            pass
         points = sample_surface(self.mesh(model), count, seed)
         out = io.BytesIO()
         np.save(out, points, allow_pickle=False)
         with suppress(OSError):
             write_atomic(kept, out.getvalue())
         return points
+
+    def symmetry(self, cad: CadModel | str) -> SymmetryGroup:
+        """The rotations that leave a model as it looks, worked out once and kept on disk beside the mesh.
+
+        Raises:
+            LibraryError: no such model, or its file is damaged.
+        """
+        model = self.get(cad if isinstance(cad, str) else cad.id)
+        return kept_symmetry(mesh_path(self._mesh_folder, model.sha256), lambda: self.mesh(model))
 
     def representatives(self, category: str, count: int = 10) -> tuple[CadModel, ...]:
         """Up to ``count`` models that show how a category varies: the most typical one first.

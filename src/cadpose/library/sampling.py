@@ -25,6 +25,17 @@ def sample_surface(mesh: Mesh, count: int, seed: int = 0) -> NDArray[np.float32]
     Returns:
         (count, 3) float32 in the mesh's axes.
     """
+    return sample_faces(mesh, count, seed)[0]
+
+
+def sample_faces(
+    mesh: Mesh, count: int, seed: int = 0
+) -> tuple[NDArray[np.float32], NDArray[np.intp], FloatArray]:
+    """`sample_surface`, and where on the mesh each point lies.
+
+    Returns:
+        (count, 3) float32 points, (count,) the triangle of each, (count, 3) its barycentric coordinates.
+    """
     rng = np.random.default_rng(seed)
     triangles = mesh.vertices.astype(np.float64)[mesh.faces]
     edge1, edge2 = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
@@ -35,7 +46,7 @@ def sample_surface(mesh: Mesh, count: int, seed: int = 0) -> NDArray[np.float32]
     over = u + v > 1.0
     u[over], v[over] = 1.0 - u[over], 1.0 - v[over]
     points = triangles[pick, 0] + u[:, None] * edge1[pick] + v[:, None] * edge2[pick]
-    return np.asarray(points, dtype=np.float32)
+    return np.asarray(points, dtype=np.float32), pick, np.stack([1.0 - u - v, u, v], axis=1)
 
 
 def shape_descriptor(mesh: Mesh) -> NDArray[np.float32]:
