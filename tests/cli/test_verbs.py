@@ -30,6 +30,7 @@ VERBS: tuple[list[str], ...] = (
     ["library", "list"],
     ["library", "check"],
     ["library", "show"],
+    ["library", "symmetry"],
     ["doctor"],
     ["bench"],
     ["blender"],

@@ -52,6 +52,12 @@ def rotation(
     turn: Annotated[
         float, typer.Option("--turn", min=0, max=180, help="Turn the photos by up to so many degrees.")
     ] = 0,
+    symmetry: Annotated[
+        Literal["none", "cad", "category"],
+        typer.Option(
+            "--symmetry", help="Forgive turns that look alike: by the labelled model, or also by category."
+        ),
+    ] = "cad",
     library: LibraryFolder = None,
     candidates: Candidates = 10,
     renderer: RendererName = "raster",
@@ -69,6 +75,7 @@ def rotation(
     from cadpose.evaluation.perturbations import Perturbation
     from cadpose.evaluation.report import prepare_report
     from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
+    from cadpose.evaluation.symmetry import label_symmetry
 
     try:
         perturbation = Perturbation(jitter, shrink, turn, seed)
@@ -88,6 +95,7 @@ def rotation(
             lambda label: annotator.estimate_rotation(*perturbation.object_in_photo(label), label.category),
             CadposeError,
             lambda _: bar.advance(bar.tasks[0].id),
+            label_symmetry(annotator.library, symmetry),
         )
     _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason])
     table = rotation_table(results) | confidence_figures(results)
@@ -122,6 +130,8 @@ def rotation(
             )
         columns = ["category", "photos", "yield", "Acc@30 [95 %]", "Acc@10", "MedErr", "flips"]
         print_table("Rotation", columns, rows)
+        if table["symmetric"]:
+            typer.echo(f"Photos scored modulo the object's symmetry: {table['symmetric']} of {table['n']}")
         _print_confidence(table)
         if report is not None:
             typer.echo(f"Report: {report / 'report.html'}")
@@ -216,6 +226,7 @@ def _write_report(
         "Estimator": annotator.rotation.name,
         "Perturbation": perturbation.in_words(),
         "Library": annotator.library.digest,
+        "Scored modulo symmetry": f"{table['symmetric']} of {table['n']} photos",
     }
     write_report(folder, results, table, [one for one in drawn if one is not None], facts)
 

@@ -137,6 +137,50 @@ def check(library: LibraryFolder = None, json: Json = False) -> None:
         raise typer.Exit(1)
 
 
+@app.command("symmetry")
+def symmetry(
+    category: Annotated[str | None, typer.Argument(help="List this category's models.")] = None,
+    library: LibraryFolder = None,
+    json: Json = False,
+) -> None:
+    """Which turns leave the models as they look: how many of each kind a category, or model by model.
+
+    Worked out once a model, about half a second each, and kept in the library.
+    """
+    from cadpose.errors import LibraryError
+    from cadpose.library.catalogue import Library
+    from cadpose.library.symmetry import upright_counts
+
+    catalogue = Library.open(library)
+    models = catalogue.models(category)
+    if not models:
+        raise LibraryError(f"the library has no model of category {category!r}, see `cadpose library list`")
+    groups = {}
+    with progress_bar("symmetry", len(models)) as bar:
+        for model in models:
+            groups[model.id] = catalogue.symmetry(model)
+            bar.advance(bar.tasks[0].id)
+    if json:
+        print_json(
+            [
+                {
+                    "id": m.id,
+                    "category": m.category,
+                    "upright": groups[m.id].about().name,
+                    **groups[m.id].to_json(),
+                }
+                for m in models
+            ]
+        )
+    elif category is not None:
+        rows = [[m.name, m.id, groups[m.id].about().name, groups[m.id].name] for m in models]
+        print_table(f"{len(models)} models", ["name", "id", "about the vertical", "any axis"], rows)
+    else:
+        columns, counts = upright_counts([(m.category, groups[m.id]) for m in models])
+        rows = [[name, *(str(n) if n else "" for n in row)] for name, row in counts.items()]
+        print_table("Turns about the vertical that look alike", ["category", *columns], rows)
+
+
 @app.command("show")
 def show(
     category: Annotated[

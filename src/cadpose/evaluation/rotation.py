@@ -10,7 +10,8 @@ import numpy as np
 
 from cadpose.datasets.labels import Label
 from cadpose.evaluation.statistics import macro_mean, wilson_interval
-from cadpose.geometry.angles import azimuth_error
+from cadpose.geometry.angles import azimuth_error, rotation_from_angles
+from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.records import Rotation, RotationHypothesis
 
 #: An azimuth error above this counts as a flip: the object was taken for facing the other way.
@@ -31,6 +32,7 @@ class RotationResult:
         reason: Why the photo failed.
         hypotheses: All that was answered, best first.
         hypothesis_errors: Error of each hypothesis in degrees, measured as ``error`` is.
+        symmetry: The group that the errors are taken modulo, None for plain errors.
     """
 
     label: Label
@@ -40,15 +42,31 @@ class RotationResult:
     reason: str = ""
     hypotheses: tuple[RotationHypothesis, ...] = ()
     hypothesis_errors: tuple[float, ...] = ()
+    symmetry: SymmetryGroup | None = None
 
 
-def rotation_error(label: Label, estimate: Rotation) -> float:
-    """Geodesic error in degrees; the azimuth error where the label has no elevation, NaN without azimuth."""
+def rotation_error(label: Label, estimate: Rotation, symmetry: SymmetryGroup | None = None) -> float:
+    """Geodesic error in degrees; the azimuth error where the label has no elevation, NaN without azimuth.
+
+    With ``symmetry`` the smallest error to any rotation at which the object looks as labelled.
+    """
     if label.azimuth is None:
         return float("nan")
     if label.rotation is None:
-        return float(azimuth_error(estimate.azimuth, label.azimuth))
-    return label.rotation.error_to(estimate)
+        return _azimuth_error(label.azimuth, estimate.azimuth, symmetry)
+    if symmetry is None:
+        return label.rotation.error_to(estimate)
+    return float(symmetry.geodesic_degrees(label.rotation.to_matrix(), estimate.to_matrix()))
+
+
+def _azimuth_error(true: float, estimate: float, symmetry: SymmetryGroup | None) -> float:
+    """Of turns about the vertical alone."""
+    if symmetry is None:
+        return float(azimuth_error(estimate, true))
+    upright = symmetry.about((0.0, 1.0, 0.0))
+    return float(
+        upright.geodesic_degrees(rotation_from_angles(true, 0.0), rotation_from_angles(estimate, 0.0))
+    )
 
 
 def rotation_result(
@@ -56,17 +74,19 @@ def rotation_result(
     estimate: Rotation | None,
     reason: str = "",
     hypotheses: Sequence[RotationHypothesis] = (),
+    symmetry: SymmetryGroup | None = None,
 ) -> RotationResult:
-    """Score one estimate. A label without elevation is scored by azimuth alone."""
+    """Score one estimate, modulo a symmetry if given; by azimuth alone where no elevation is labelled."""
     if estimate is None or label.azimuth is None:
         return RotationResult(label, estimate, reason=reason or "the label has no azimuth")
     return RotationResult(
         label,
         estimate,
-        rotation_error(label, estimate),
-        float(azimuth_error(estimate.azimuth, label.azimuth)),
+        rotation_error(label, estimate, symmetry),
+        _azimuth_error(label.azimuth, estimate.azimuth, symmetry),
         hypotheses=tuple(hypotheses),
-        hypothesis_errors=tuple(rotation_error(label, h.rotation) for h in hypotheses),
+        hypothesis_errors=tuple(rotation_error(label, h.rotation, symmetry) for h in hypotheses),
+        symmetry=symmetry,
     )
 
 
@@ -75,6 +95,7 @@ def evaluate_rotation(
     estimate: Callable[[Label], Sequence[RotationHypothesis]],
     recoverable: type[Exception],
     on_done: Callable[[RotationResult], None] = lambda _: None,
+    symmetry: Callable[[Label], SymmetryGroup | None] = lambda _: None,
 ) -> list[RotationResult]:
     """Run ``estimate`` over the labels; a ``recoverable`` error fails that photo only.
 
@@ -83,12 +104,15 @@ def evaluate_rotation(
         estimate: Hypotheses of a label's object, best first, at least one; the first one is scored.
         recoverable: What a photo may fail with.
         on_done: Told each outcome.
+        symmetry: Gives the group that a label's errors are taken modulo, None for plain errors.
     """
     results = []
     for label in labels:
         try:
             hypotheses = estimate(label)
-            result = rotation_result(label, hypotheses[0].rotation, hypotheses=hypotheses)
+            result = rotation_result(
+                label, hypotheses[0].rotation, hypotheses=hypotheses, symmetry=symmetry(label)
+            )
         except recoverable as error:
             result = rotation_result(label, None, str(error))
         results.append(result)
@@ -101,6 +125,7 @@ def rotation_table(results: Sequence[RotationResult]) -> dict[str, Any]:
 
     ``acc30``, ``acc10``, ``flips`` and ``yield`` are fractions of 1, ``mederr`` is in degrees.
     ``acc30_top5`` counts a photo as right where any of its first five hypotheses is.
+    ``symmetric`` counts the answers whose errors were taken modulo a symmetry that is not trivial.
     Accuracies are over the photos that gave an answer; ``yield`` says how many did. Where none did, all
     but ``n`` and ``yield`` are None.
     """
@@ -119,8 +144,10 @@ def _row(results: Sequence[RotationResult]) -> dict[str, Any]:
     oracle = np.array([min((r.error, *r.hypothesis_errors[:TOP])) for r in results if np.isfinite(r.error)])
     turns = np.array([r.azimuth_error for r in results if np.isfinite(r.error)])
     n = len(errors)
+    modulo = [r.symmetry for r in results if np.isfinite(r.error) and r.symmetry is not None]
     return {
         "n": n,
+        "symmetric": sum(not group.is_trivial for group in modulo),
         "yield": n / len(results) if results else 0.0,
         "acc30": float((errors <= 30).mean()) if n else None,
         "acc30_interval": list(wilson_interval(int((errors <= 30).sum()), n)) if n else None,

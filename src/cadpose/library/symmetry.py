@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -194,3 +194,21 @@ def kept_symmetry(mesh_file: Path, mesh: Callable[[], Mesh]) -> SymmetryGroup:
     with suppress(OSError):
         write_atomic(kept, json.dumps(group.to_json()).encode())
     return group
+
+
+def upright_counts(models: Sequence[tuple[str, SymmetryGroup]]) -> tuple[list[str], dict[str, list[int]]]:
+    """How many models a category are alike after which turns about the vertical.
+
+    Args:
+        models: (category, group of the model) of each.
+
+    Returns:
+        The kinds, lowest order first: ``trivial``, ``C2`` ... ``revolution``; and their counts a category.
+    """
+    upright = [(category, group.about()) for category, group in models]
+    kinds = {group.name: group.order for _, group in upright}
+    columns = sorted(kinds, key=lambda name: kinds[name])
+    counts = {category: [0] * len(columns) for category in sorted({c for c, _ in upright})}
+    for category, group in upright:
+        counts[category][columns.index(group.name)] += 1
+    return columns, counts
