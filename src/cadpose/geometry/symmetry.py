@@ -33,7 +33,7 @@ _SAME_AXIS = np.cos(np.deg2rad(6.0))
 _SOFT_CELLS = 48
 _SOFT_REACH = 7
 _COLOURS = 8
-_COLOUR_DISTANCE = 0.25
+_COLOUR_DISTANCE = 0.15
 # Distance from one random sample to the next, in medians: one in 5000 is as far.
 _GAPS = 3.5
 
@@ -56,7 +56,7 @@ def find_symmetry(
         points: (N, 3) on the surface, uniform by area, at least 50. More points see finer details.
         normals: (N, 3) outward normals, shorter (down to zero) where the side is not sure. With them the two
             faces of a thin sheet are told apart.
-        colours: (N, 3) in [0, 1], if they count.
+        colours: (N, C) in [0, 1], if they count: red, green, blue, or whatever else a turn leaves as it is.
         tested: (N,) points that have to meet others when turned; the rest are only there to be met. All by
             default.
         tolerance: How far a turned point may lie from the surface, relative to the bounding box's diagonal.
@@ -99,8 +99,11 @@ class _Shape:
     ) -> _Shape:
         P = np.asarray(points, np.float64)
         given = [P, *(np.asarray(a, np.float64) for a in (normals, colours) if a is not None)]
-        if P.ndim != 2 or P.shape[1:] != (3,) or any(a.shape != P.shape for a in given):
-            raise ValueError(f"expected (N, 3) arrays of one length, got {[a.shape for a in given]}")
+        wrong = any(a.ndim != 2 or len(a) != len(P) for a in given) or P.shape[1:] != (3,)
+        if wrong or (normals is not None and np.shape(normals) != P.shape):
+            raise ValueError(
+                f"expected (N, 3) points and arrays of their length, got {[a.shape for a in given]}"
+            )
         if tested is not None and (tested.shape != P.shape[:1] or not tested.any()):
             raise ValueError("tested points: expected one bool a point, at least one true")
         if len(P) < _LEAST_POINTS or not all(np.isfinite(a).all() for a in given):

@@ -25,6 +25,8 @@ _SAMPLES = 24_000
 _MOST_BYTES = 256 * 1024
 # A knob or a label has more of the visible area; an uneven texture on a vase has less.
 _OUTLIERS = 0.004
+# Knobs and gaps are told from a plain side by how normals differ within so much of the size.
+_BEND_SIZE, _BEND_WEIGHT = 0.04, 0.6
 _DIRECTIONS = 40
 _PIXELS = 64
 _DEPTH = 0.008
@@ -72,14 +74,17 @@ def mesh_symmetry(mesh: Mesh, *, tolerance: float = 0.02, samples: int = _SAMPLE
     if seen.sum() < samples // 20:
         seen = np.ones(len(points), np.bool_)
     out, back = out[seen], back[seen]
+    bend = _BEND_WEIGHT * _bend(points.astype(np.float64) / (_BEND_SIZE * size), normals)
     # Some files turn normals inwards, and of a single sheet both sides are seen: no side is sure then.
     side = ((out - back) / np.maximum(out + back, 1.0))[:, None]
     # What is hardly seen may be met by what is seen, but need not meet anything itself.
     tested = out + back >= _LEAST_SEEN
+    # Glass before something looks unlike it; knobs and gaps look unlike a plain side of the same colour.
+    looks = np.concatenate([colours * alpha[:, None] + (1.0 - alpha[:, None]), bend[:, None]], axis=1)
     return find_symmetry(
         points[seen],
         side * normals[seen],
-        colours[seen],
+        looks[seen],
         tested=tested if tested.any() else None,
         tolerance=tolerance,
         outliers=_OUTLIERS,
@@ -139,6 +144,22 @@ def _coarse(texture: NDArray[np.uint8], block: int) -> NDArray[np.uint8]:
     height, width = (side // block * block for side in texture.shape[:2])
     blocks = texture[:height, :width].reshape(height // block, block, width // block, block, -1)
     return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32), np.uint8)
+
+
+def _bend(points: FloatArray, normals: FloatArray) -> FloatArray:
+    """How much normals differ around each point: 0 on a plain, towards 1 where all directions meet.
+
+    One minus the length of the mean normal over the cubes of side 1 that a point lies in, over four grids.
+    """
+    bend = np.zeros(len(points))
+    for shift in (0.0, 0.25, 0.5, 0.75):
+        cell = np.floor(points - points.min(axis=0) + shift).astype(np.int64)
+        _, inverse, count = np.unique(
+            cell @ np.array([1 << 40, 1 << 20, 1]), return_inverse=True, return_counts=True
+        )
+        total = np.stack([np.bincount(inverse, weights=normals[:, i]) for i in range(3)], 1)
+        bend += 1.0 - (np.linalg.norm(total, axis=1) / count)[inverse]
+    return bend / 4.0
 
 
 def _seen_from(points: FloatArray, normals: FloatArray, alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
