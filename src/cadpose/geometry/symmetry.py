@@ -33,7 +33,7 @@ _SAME_AXIS = np.cos(np.deg2rad(6.0))
 _SOFT_CELLS = 48
 _SOFT_REACH = 7
 _COLOURS = 8
-_COLOUR_DISTANCE = 0.15
+_COLOUR_DISTANCE = 0.2
 # Distance from one random sample to the next, in medians: one in 5000 is as far.
 _GAPS = 3.5
 

@@ -26,7 +26,7 @@ _MOST_BYTES = 256 * 1024
 # A knob or a label has more of the visible area; an uneven texture on a vase has less.
 _OUTLIERS = 0.004
 # Knobs and gaps are told from a plain side by how normals differ within so much of the size.
-_BEND_SIZE, _BEND_WEIGHT = 0.04, 0.6
+_BEND_SIZE, _BEND_WEIGHT = 0.04, 0.8
 _DIRECTIONS = 40
 _PIXELS = 64
 _DEPTH = 0.008
