@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from cadpose.cli.options import Categories, Json, LibraryFolder, Seed
+from cadpose.cli.options import Categories, Json, LibraryFolder, RendererName, Seed
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
 
 
@@ -22,6 +22,12 @@ def synth(
         Path | None,
         typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
     ] = None,
+    renderer: RendererName = "raster",
+    hdri: Annotated[
+        Path | None,
+        typer.Option("--hdri", help="Folder of .hdr or .exr panoramas that light Blender's photos."),
+    ] = None,
+    samples: Annotated[int, typer.Option("--samples", min=1, max=4096, help="Blender's rays a pixel.")] = 16,
     format: Annotated[Literal["jpg", "png"], typer.Option("--format", help="File format.")] = "jpg",
     warp: Annotated[
         float, typer.Option("--warp", min=0, max=3, help="Strength of shape warps; 0: models as they are.")
@@ -75,7 +81,14 @@ def synth(
         degrade=usual.degrade if flaws else 0.0,
     )
     recipe = Recipe.from_library(
-        Library.open(library), category, backdrops=backgrounds, options=options, seed=seed
+        Library.open(library),
+        category,
+        backdrops=backgrounds,
+        options=options,
+        seed=seed,
+        renderer=renderer,
+        hdri=hdri,
+        samples=samples,
     )
     with progress_bar("draw", count) as bar:
         report = write_photos(

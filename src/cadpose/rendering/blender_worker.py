@@ -10,6 +10,7 @@ Object coordinates (ShapeNet axes) serve as Blender's world; lights turn with th
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import json
 import math
 import os
@@ -190,7 +191,9 @@ class Studio:
         bpy = self.bpy
         # Cycles knows a texture it has kept by its address. The old ones go only when the new ones are there,
         # so that none of those takes an old one's place and is drawn with its pixels.
-        old = [(data, list(data)) for data in (bpy.data.materials, bpy.data.images)]
+        # An environment, named otherwise, stays.
+        textures = [image for image in bpy.data.images if image.name.startswith("texture")]
+        old = [(bpy.data.materials, list(bpy.data.materials)), (bpy.data.images, textures)]
         if self.object is not None:
             mesh = self.object.data
             bpy.data.objects.remove(self.object)
@@ -226,9 +229,14 @@ class Studio:
         if spec["kind"] == "invisible":
             links.new(nodes.new("ShaderNodeBsdfTransparent").outputs[0], output.inputs[0])
             return material
-        surface = nodes.new("ShaderNodeBsdfDiffuse")
         rgb, alpha = to_linear(spec["rgba"][:3]).tolist(), float(spec["rgba"][3])
-        surface.inputs["Color"].default_value = (*rgb, 1.0)
+        if "roughness" in spec:
+            surface, colour = nodes.new("ShaderNodeBsdfPrincipled"), "Base Color"
+            for name in ("Roughness", "Metallic", "Coat Weight"):
+                surface.inputs[name].default_value = float(spec[name.lower()])
+        else:
+            surface, colour = nodes.new("ShaderNodeBsdfDiffuse"), "Color"
+        surface.inputs[colour].default_value = (*rgb, 1.0)
         opacity = None
         if texture is not None:
             height, width = texture.shape[:2]
@@ -244,7 +252,7 @@ class Studio:
             mix.blend_type, mix.inputs[0].default_value = "MULTIPLY", 1.0
             mix.inputs[2].default_value = (*rgb, 1.0)
             links.new(sampler.outputs["Color"], mix.inputs[1])
-            links.new(mix.outputs[0], surface.inputs["Color"])
+            links.new(mix.outputs[0], surface.inputs[colour])
             opacity = sampler.outputs["Alpha"]
         if spec["kind"] == "opaque":
             links.new(surface.outputs[0], output.inputs[0])
@@ -276,6 +284,17 @@ class Studio:
 
     def render(self, camera: dict[str, Any]) -> tuple[Any, Any, Any]:
         """(H, W, 3) uint8 colour, (H, W) uint8 alpha, (H, W) float32 depth."""
+        by_end = self.channels(camera)
+        rgba = np.stack([by_end[f"Combined.{c}"] for c in "RGBA"], axis=-1)
+        alpha = np.clip(rgba[..., 3], 0.0, 1.0)
+        colour = rgba[..., :3] / np.maximum(alpha, 1e-6)[..., None]
+        rgb = np.where(alpha[..., None] > 0, to_srgb(colour) * 255.0 + 0.5, 0).astype(np.uint8)
+        depth = by_end["Depth.Z"] if "Depth.Z" in by_end else by_end["Depth.V"]
+        depth = np.where((alpha > 0) & (depth < 1e9), depth, np.inf).astype(np.float32)
+        return rgb, (alpha * 255.0 + 0.5).astype(np.uint8), depth
+
+    def channels(self, camera: dict[str, Any]) -> dict[str, Any]:
+        """Render the scene as it is; (H, W) float32 channels by pass and name."""
         width, height = camera["width"], camera["height"]
         R, t = np.array(camera["R_cv_from_s"]), np.array(camera["t_cv"])
         R_s_from_gl = R.T @ np.diag([1.0, -1.0, -1.0])
@@ -297,14 +316,16 @@ class Studio:
         render.filepath = str(path)
         self.bpy.ops.render.render(write_still=True)
         channels = read_exr(path.read_bytes())
-        by_end = {name.split(".", 1)[-1]: data for name, data in channels.items()}
-        rgba = np.stack([by_end[f"Combined.{c}"] for c in "RGBA"], axis=-1)
-        alpha = np.clip(rgba[..., 3], 0.0, 1.0)
-        colour = rgba[..., :3] / np.maximum(alpha, 1e-6)[..., None]
-        rgb = np.where(alpha[..., None] > 0, to_srgb(colour) * 255.0 + 0.5, 0).astype(np.uint8)
-        depth = by_end["Depth.Z"] if "Depth.Z" in by_end else by_end["Depth.V"]
-        depth = np.where((alpha > 0) & (depth < 1e9), depth, np.inf).astype(np.float32)
-        return rgb, (alpha * 255.0 + 0.5).astype(np.uint8), depth
+        return {name.split(".", 1)[-1]: data for name, data in channels.items()}
+
+
+def beside(name: str) -> Any:
+    """A module of the file ``name`` beside this one: the interpreter is told of no folder to look in."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def main() -> None:
@@ -316,6 +337,7 @@ def main() -> None:
     bpy = importlib.import_module("bpy")
     write_message(answers, {"ready": bpy.app.version_string})
     studio: Studio | None = None
+    photos: Any = None
     while (message := read_message(requests)) is not None:
         header, arrays = message
         try:
@@ -328,6 +350,12 @@ def main() -> None:
             elif header["do"] == "render" and studio is not None:
                 rgb, alpha, depth = studio.render(header["camera"])
                 write_message(answers, {}, {"rgb": rgb, "alpha": alpha, "depth": depth})
+            elif header["do"] == "environment" and studio is not None:
+                photos = photos or beside("blender_worker_photo").PhotoSet(studio)
+                photos.light(header["path"], arrays.get("pixels"))
+                write_message(answers, {})
+            elif header["do"] == "photo" and photos is not None:
+                write_message(answers, {}, photos.render(header))
             else:
                 write_message(answers, {"error": f"request {header['do']!r} out of order"})
         except Exception as error:

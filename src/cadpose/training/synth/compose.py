@@ -27,6 +27,12 @@ def paste(canvas: Picture, rgb: Picture, alpha: NDArray[np.uint8]) -> None:
     canvas[where] = ((rgb[where] * a + canvas[where] * (256 - a)) >> 8).astype(np.uint8)
 
 
+def relight(canvas: Picture, light: NDArray[np.float32]) -> None:
+    """Multiply ``canvas``, in place, by (H, W, 3) linear light of at most 1."""
+    # sRGB is nearly a power of linear light: its factor is the light's root.
+    canvas[:] = np.rint(canvas * light ** np.float32(1.0 / 2.2)).astype(np.uint8)
+
+
 def shade_ground(
     canvas: Picture, vertices: NDArray[np.float32], camera: Cameras, lights: Lights, rng: np.random.Generator
 ) -> None:

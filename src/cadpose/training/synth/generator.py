@@ -15,11 +15,11 @@ from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.library.mesh import Mesh
 from cadpose.records import CadModel, Rotation
 from cadpose.rendering.lights import Lights
-from cadpose.rendering.raster import Rasteriser
 from cadpose.rendering.scene import Scene, build_scene
 from cadpose.training.synth.backdrops import Backdrops
-from cadpose.training.synth.compose import cover, paste, shade_ground
+from cadpose.training.synth.compose import cover, paste, relight, shade_ground
 from cadpose.training.synth.degrade import degraded
+from cadpose.training.synth.drawers import Drawer, RasterDrawer
 from cadpose.training.synth.options import SynthOptions
 from cadpose.training.synth.records import SynthObject, SynthPhoto
 from cadpose.training.synth.shapes import Shape, redressed, warped
@@ -41,11 +41,12 @@ class _Placed:
     rect: FloatArray
     rgb: NDArray[np.uint8]
     alpha: NDArray[np.uint8]
+    light: NDArray[np.float32] | None
     total: float
 
 
 class SynthGenerator:
-    """Draws synthetic photos with the rasteriser.
+    """Draws synthetic photos.
 
     Args:
         models: CAD models to draw from.
@@ -54,6 +55,7 @@ class SynthGenerator:
         backdrops: Where backdrops and textures come from.
         options: Chances and ranges.
         seed: With a photo's number it decides everything.
+        drawer: Draws the shapes; the rasteriser unless told. Labels do not depend on it but for masks.
 
     Raises:
         ValueError: no model is given.
@@ -67,6 +69,7 @@ class SynthGenerator:
         backdrops: Backdrops,
         options: SynthOptions | None = None,
         seed: int = 0,
+        drawer: Drawer | None = None,
     ) -> None:
         if not models:
             raise ValueError("synthetic photos need at least one CAD model")
@@ -84,13 +87,15 @@ class SynthGenerator:
         self._categories = sorted(self._by_category)
         weights = np.array([self._weight(c) for c in self._categories])
         self._chances = weights / weights.sum()
-        self._raster = Rasteriser(supersample=2)
+        self.drawer: Drawer = drawer or RasterDrawer()
         self._scenes: dict[str, tuple[Scene, SymmetryGroup]] = {}
         self._series: tuple[int, list[Shape]] | None = None
 
     def photo(self, index: int) -> SynthPhoto:
         """Photo number ``index``."""
-        shapes = self._shapes(index // self.options.series)
+        series = index // self.options.series
+        shapes = self._shapes(series)
+        self.drawer.begin(self.seed, series, index)
         rng = np.random.default_rng((self.seed, _PHOTO, index))
         o = self.options
         canvas = self.backdrops.draw(rng, o.size, o.backdrop_photo)
@@ -105,7 +110,11 @@ class SynthGenerator:
                 layers.insert(0 if rng.random() < 0.6 else len(layers), other)
         for placed in layers:
             if rng.random() < o.shadow:
-                shade_ground(canvas, placed.shape.scene.vertices, placed.camera, lights, rng)
+                # A drawer that knows the shadow leaves the draws of chance after it as they are.
+                ground = canvas if placed.light is None else canvas.copy()
+                shade_ground(ground, placed.shape.scene.vertices, placed.camera, lights, rng)
+                if placed.light is not None:
+                    relight(canvas, placed.light)
             paste(canvas, placed.rgb, placed.alpha)
         masks = _visible_masks(layers)
         if rng.random() < o.occluder:
@@ -174,9 +183,9 @@ class SynthGenerator:
             t_z=random_distance(rng, self.options.distance),
             size=self.options.size,
         )
-        views = self._raster.render_scene(shape.scene, camera, lights)
-        alpha = views.alpha[0]
-        return _Placed(shape, R, camera, rect, views.rgb[0], alpha, float(alpha.sum()) / 255.0)
+        drawn = self.drawer.draw(shape, camera, lights)
+        total = float(drawn.alpha.sum()) / 255.0
+        return _Placed(shape, R, camera, rect, drawn.rgb, drawn.alpha, drawn.light, total)
 
 
 def _visible_masks(layers: Sequence[_Placed]) -> list[NDArray[np.bool_]]:

@@ -6,15 +6,19 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from cadpose.errors import InputError, LibraryError
 from cadpose.library.catalogue import Library
 from cadpose.photos import find_photos
+from cadpose.rendering.blender import blender_python
 from cadpose.training.synth.backdrops import Backdrops
+from cadpose.training.synth.drawers import BlenderDrawer, RasterDrawer
+from cadpose.training.synth.environments import hdri_files
 from cadpose.training.synth.generator import SynthGenerator
 from cadpose.training.synth.options import SynthOptions
 
+Renderer = Literal["raster", "blender"]
 #: Changes when the same recipe draws other photos than before.
 DRAWING = 1
 
@@ -29,6 +33,9 @@ class Recipe:
         backdrops: Folder of photos, None for made-up backdrops.
         options: Chances and ranges.
         seed: With a photo's number it decides everything.
+        renderer: ``"raster"`` or ``"blender"``.
+        hdri: Folder of panoramas that light Blender's photos, None for made-up light.
+        samples: Blender's camera rays a pixel.
     """
 
     library: Path
@@ -36,6 +43,9 @@ class Recipe:
     backdrops: Path | None = None
     options: SynthOptions = SynthOptions()
     seed: int = 0
+    renderer: Renderer = "raster"
+    hdri: Path | None = None
+    samples: int = 16
 
     @classmethod
     def from_library(
@@ -46,12 +56,17 @@ class Recipe:
         backdrops: Path | None = None,
         options: SynthOptions | None = None,
         seed: int = 0,
+        renderer: Renderer = "raster",
+        hdri: Path | None = None,
+        samples: int = 16,
     ) -> Recipe:
         """Every model of some categories, or of all.
 
         Raises:
             LibraryError: the library has no model of a category.
-            InputError: ``backdrops`` is no folder with photos in it.
+            InputError: ``backdrops`` is no folder with photos in it, or ``hdri`` none with panoramas, or
+                panoramas are given for the rasteriser.
+            DependencyError: Blender is not set up.
         """
         known = library.categories()
         wanted = list(dict.fromkeys(categories)) if categories else list(known)
@@ -64,15 +79,23 @@ class Recipe:
             if not backdrops.is_dir():
                 raise InputError(f"there is no folder {backdrops}: name one with photos for backdrops")
             find_photos([backdrops])
+        if renderer == "blender":
+            blender_python()
+            if hdri is not None:
+                hdri_files(hdri)
+        elif hdri is not None:
+            raise InputError(f"{hdri}: panoramas light Blender's photos only, add --renderer blender")
         models = tuple(m.id for m in library.models() if m.category in wanted)
-        return cls(library.path, models, backdrops, options or SynthOptions(), seed)
+        options = options or SynthOptions()
+        return cls(library.path, models, backdrops, options, seed, renderer, hdri, samples)
 
     def generator(self) -> SynthGenerator:
         """One generator, for one process.
 
         Raises:
             LibraryError: the library cannot be read any more.
-            InputError: no photo of ``backdrops`` can be read.
+            InputError: no photo of ``backdrops`` can be read, or a panorama is not there.
+            DependencyError: Blender is not set up.
         """
         library = Library.open(self.library)
         return SynthGenerator(
@@ -82,6 +105,7 @@ class Recipe:
             Backdrops(self.backdrops),
             self.options,
             self.seed,
+            BlenderDrawer(self.hdri, self.samples) if self.renderer == "blender" else RasterDrawer(),
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -99,8 +123,16 @@ class Recipe:
             if self.backdrops is None
             else _digest("\n".join(f"{p.name}\t{p.stat().st_size}" for p in find_photos([self.backdrops])))
         )
+        blender = {
+            "samples": self.samples,
+            "hdri": None
+            if self.hdri is None
+            else _digest("\n".join(f"{p.name}\t{p.stat().st_size}" for p in hdri_files(self.hdri))),
+        }
         return {
             "drawing": DRAWING,
+            "renderer": self.renderer,
+            "blender": blender if self.renderer == "blender" else None,
             "seed": self.seed,
             "models": _digest(told),
             "backdrops": backdrops,
