@@ -17,18 +17,20 @@ def bench(
     ] = None,
     repeats: Annotated[int, typer.Option("--repeats", min=1, help="Timed runs a photo.")] = 3,
     renderers: Annotated[bool, typer.Option(help="Also time the renderers side by side.")] = True,
+    synth: Annotated[bool, typer.Option(help="Also time synthetic photos.")] = True,
     library: LibraryFolder = None,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
-    """Milliseconds a stage on photographs, and milliseconds a view of every renderer at hand.
+    """Milliseconds a stage on photographs and a view of every renderer at hand; synthetic photos a second.
 
     Without a photo, a render of the library stands in for one. Read ratios, not single times: they were
     taken in one run on this machine.
     """
     from cadpose.evaluation.bench_rendering import bench_renderers
     from cadpose.evaluation.bench_stages import bench_meshes, bench_stages, stand_in_photo
+    from cadpose.evaluation.bench_synth import bench_synth
     from cadpose.photos import find_photos, read_photo
 
     annotator = make_annotator(library, device=device, seed=seed)
@@ -40,8 +42,15 @@ def bench(
             bench_meshes(annotator.library),
             progress=complain,
         )
+    drawn = bench_synth(annotator.library) if synth else None
     if json:
-        print_json({"stages": stages, "renderers": [dataclasses.asdict(t) for t in timings]})
+        print_json(
+            {
+                "stages": stages,
+                "renderers": [dataclasses.asdict(t) for t in timings],
+                "synth": drawn and dataclasses.asdict(drawn),
+            }
+        )
         return
     total = sum(stages.values())
     rows = [[stage, f"{ms:.0f}", f"{ms / total:.0%}"] for stage, ms in stages.items()]
@@ -56,3 +65,9 @@ def bench(
             for t in timings
         ]
         print_table("A view of 256 x 256", ["renderer", "ms a view", "ratio"], lines)
+    if drawn is not None:
+        print_table(
+            f"Synthetic photos of {drawn.size} x {drawn.size}, one core",
+            ["work", "photos a second"],
+            [["draw", f"{drawn.drawing:.0f}"], ["draw, encode, write", f"{drawn.writing:.0f}"]],
+        )

@@ -34,7 +34,11 @@ def _cos_sin(degrees: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _stack(rows: list[list[FloatArray]]) -> FloatArray:
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    out = np.empty((*rows[0][0].shape, len(rows), len(rows[0])))
+    for i, row in enumerate(rows):
+        for j, value in enumerate(row):
+            out[..., i, j] = value
+    return out
 
 
 def rotation_from_angles(azimuth: ArrayLike, elevation: ArrayLike, inplane: ArrayLike = 0.0) -> FloatArray:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cadpose.geometry.camera import Cameras
 from cadpose.geometry.frames import FloatArray
 from cadpose.rendering.lights import Lights
+from cadpose.training.synth.kernels import blend, darken
 
 Picture = NDArray[np.uint8]
 #: Shadows are drawn at this share of the photo's side: they are soft.
@@ -17,14 +18,7 @@ _SHADOW_SCALE = 4
 
 def paste(canvas: Picture, rgb: Picture, alpha: NDArray[np.uint8]) -> None:
     """Draw ``rgb`` (H, W, 3) over ``canvas``, in place, where ``alpha`` (H, W) is above zero."""
-    rows, columns = np.flatnonzero(alpha.any(axis=1)), np.flatnonzero(alpha.any(axis=0))
-    if not len(rows):
-        return
-    where = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    # In 1/256 rather than 1/255, which costs no division: solid is 256.
-    a = alpha[where].astype(np.uint16)
-    a = (a + (a >> 7))[..., None]
-    canvas[where] = ((rgb[where] * a + canvas[where] * (256 - a)) >> 8).astype(np.uint8)
+    blend(canvas, rgb, alpha)
 
 
 def relight(canvas: Picture, light: NDArray[np.float32]) -> None:
@@ -61,8 +55,7 @@ def shade_ground(
         return
     dark = cv2.GaussianBlur(dark, (0, 0), rng.uniform(0.6, 3.5) * size / 56)
     large = cv2.resize(dark, (canvas.shape[1], canvas.shape[0]), interpolation=cv2.INTER_LINEAR)
-    light = np.rint(256.0 * (1.0 - large)).astype(np.uint16)[..., None]
-    canvas[:] = (canvas * light >> 8).astype(np.uint8)
+    darken(canvas, np.asarray(large, np.float32))
 
 
 def _fill(

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from cadpose.training.synth.kernels import add_noise
+
 Picture = NDArray[np.uint8]
 
 
@@ -27,9 +29,9 @@ def degraded(picture: Picture, rng: np.random.Generator, chance: float) -> Pictu
     if rng.random() < chance * 0.6:
         out = cv2.GaussianBlur(out, (0, 0), rng.uniform(0.3, 1.4) * out.shape[0] / 224)
     if rng.random() < chance:
-        noise = rng.integers(-128, 128, out.shape, np.int8).astype(np.int16)
-        strength = int(rng.integers(4, 20))
-        out = np.clip(out + noise * strength // 128, 0, 255).astype(np.uint8)
+        noise = rng.integers(-128, 128, out.size, np.int8)
+        out = np.array(out, np.uint8)
+        add_noise(out.reshape(-1), noise, int(rng.integers(4, 20)))
     if rng.random() < chance:
         _, data = cv2.imencode(".jpg", out, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(25, 92))])
         out = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))

@@ -12,6 +12,7 @@ from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.records import CadModel
 from cadpose.rendering.scene import Scene, retextured
 from cadpose.training.synth.backdrops import Backdrops
+from cadpose.training.synth.kernels import scaled_normals
 
 _GREYS = ((0.95, 0.95, 0.94), (0.75, 0.74, 0.72), (0.5, 0.5, 0.5), (0.25, 0.25, 0.26), (0.08, 0.08, 0.09))
 _WOODS = ((0.72, 0.52, 0.33), (0.52, 0.33, 0.18), (0.35, 0.2, 0.12), (0.85, 0.7, 0.5), (0.6, 0.4, 0.25))
@@ -53,14 +54,14 @@ def warped(scene: Scene, symmetry: SymmetryGroup, rng: np.random.Generator, stre
     new = np.stack([x * (wide * taper), upward[0] * high, backward[0] * deep * (taper if order > 2 else 1.0)])
     # Of the Jacobian only its diagonal counts for shading: the taper leans normals by a few degrees.
     slope = 1.0 / np.stack([wide * taper, high * upward[1], deep * backward[1]], axis=1)
-    normals = scene.normals * slope[scene.faces]
-    normals /= np.sqrt(np.einsum("fci,fci->fc", normals, normals) + np.float32(1e-12))[..., None]
+    normals: NDArray[np.float32] = np.empty_like(scene.normals)
+    scaled_normals(scene.normals, scene.faces, slope.astype(np.float32), normals)
     low, top = new.min(axis=1), new.max(axis=1)
     new = (new - ((low + top) / 2.0)[:, None]) / np.linalg.norm(top - low)
     return _moved(scene, new, normals)
 
 
-def _moved(scene: Scene, coordinates: FloatArray, normals: FloatArray) -> Scene:
+def _moved(scene: Scene, coordinates: FloatArray, normals: NDArray[np.float32]) -> Scene:
     flat = np.ascontiguousarray(coordinates, np.float32)
     low, high = flat.min(axis=1), flat.max(axis=1)
     corners = np.array(

@@ -9,6 +9,7 @@ from cadpose.geometry.angles import rotation_from_angles
 from cadpose.geometry.camera import Cameras
 from cadpose.geometry.frames import FloatArray
 from cadpose.rendering.lights import Lights
+from cadpose.training.synth.kernels import extent
 from cadpose.training.synth.options import Range
 
 
@@ -61,10 +62,8 @@ def camera_on(
         t_z: Distance of the object's origin.
         size: Side of the photo.
     """
-    x_cv = R_cv_from_s.astype(np.float32) @ coordinates
     # The shape lies within 0.5 of its origin, and the camera is farther off.
-    xy = x_cv[:2] / (x_cv[2] + np.float32(t_z))
-    rect = np.concatenate([xy.min(axis=1), xy.max(axis=1)]).astype(np.float64)
+    rect = np.array(extent(coordinates, np.asarray(R_cv_from_s, np.float64), t_z))
     focal = longer_px / max(rect[2] - rect[0], rect[3] - rect[1])
     middle = (rect[:2] + rect[2:]) / 2.0
     principal = np.asarray(centre_px) - focal * middle
