@@ -17,7 +17,7 @@ import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Self
 
 import numpy as np
 import platformdirs
@@ -210,7 +210,7 @@ class BlenderRenderer:
             self._log.close()
             self._log = None
 
-    def __enter__(self) -> BlenderRenderer:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:

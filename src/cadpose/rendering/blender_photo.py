@@ -230,5 +230,7 @@ def _light(half: Any, camera: Cameras) -> FloatPicture:
         return np.ones((camera.height, camera.width, 3), np.float32)
     # Where the ground ends, or gets no light at all, Blender divides by zero.
     sane = np.clip(np.nan_to_num(half, nan=1.0), 0.0, 1.0).astype(np.float32)
+    # Of few rays, colour in a shadow is mostly noise.
+    sane = (sane + sane.mean(axis=2, keepdims=True)) / np.float32(2.0)
     large = cv2.resize(sane, (2 * half.shape[1], 2 * half.shape[0]), interpolation=cv2.INTER_LINEAR)
     return np.asarray(large[: camera.height, : camera.width], np.float32)

@@ -26,7 +26,7 @@ def test_the_camera_frames_what_it_is_told(
     camera, rect = camera_on(
         R, np.ascontiguousarray(points.T), longer_px=longer, centre_px=(90.0, 120.0), t_z=t_z, size=224
     )
-    pixels = camera.project(points)[0]
+    pixels = camera.project(points.astype(np.float64))[0]
     found = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
     np.testing.assert_allclose(found, rect, atol=1e-3 * longer)
     np.testing.assert_allclose((found[:2] + found[2:]) / 2, (90, 120), atol=1e-3 * longer)

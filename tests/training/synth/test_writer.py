@@ -61,7 +61,8 @@ def test_labels_are_what_was_drawn(made: Path, small_library: Library) -> None:
         np.testing.assert_allclose(label.K, found.K, atol=1e-4)
         np.testing.assert_allclose(label.box.to_tuple(), found.box.to_tuple(), atol=1e-4)
         np.testing.assert_allclose(label.t_cv, (0, 0, found.t_z), atol=1e-5)
-        np.testing.assert_allclose(label.R_cv_from_s, found.rotation.to_matrix(), atol=1e-6)
+        assert label.R_cv_from_s is not None
+        np.testing.assert_allclose(np.array(label.R_cv_from_s), found.rotation.to_matrix(), atol=1e-6)
         assert (label.truncated, label.occluded) == (found.truncated, found.occluded)
         mask = mask_in_photo(label, read_photo(label.photo))
         assert mask is not None and np.array_equal(mask, found.mask)
@@ -82,8 +83,8 @@ def test_coco_is_read_as_detections(made: Path) -> None:
             mask = mask_in_photo(label, photo)
             assert mask is not None
             rows, columns = np.nonzero(mask)
-            box = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
-            detection = found[tuple(float(v) for v in box)]
+            x0, y0, x1, y1 = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
+            detection = found[float(x0), float(y0), float(x1), float(y1)]
             assert detection.category == label.category and detection.mask is not None
             assert np.array_equal(detection.mask, mask)
             assert detection.rotation is not None and label.rotation is not None
@@ -154,7 +155,7 @@ def test_a_killed_run_goes_on(made: Path, small_library: Library, tmp_path: Path
 
 def test_png_holds_the_very_pixels(small_library: Library, tmp_path: Path) -> None:
     write_photos(recipe_of(small_library), tmp_path / "out", 3, format="png")
-    bgr = cv2.imread(str(tmp_path / "out" / PHOTOS / "0000002.png"))
+    bgr = np.asarray(cv2.imread(str(tmp_path / "out" / PHOTOS / "0000002.png")))
     assert np.array_equal(bgr[..., ::-1], recipe_of(small_library).generator().photo(2).rgb)
 
 
