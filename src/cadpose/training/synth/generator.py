@@ -15,14 +15,13 @@ from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.library.mesh import Mesh
 from cadpose.records import CadModel, Rotation
 from cadpose.rendering.lights import Lights
-from cadpose.rendering.scene import Scene, build_scene
 from cadpose.training.synth.backdrops import Backdrops
 from cadpose.training.synth.compose import cover, paste, relight, shade_ground
 from cadpose.training.synth.degrade import degraded
 from cadpose.training.synth.drawers import Drawer, RasterDrawer
 from cadpose.training.synth.options import SynthOptions
 from cadpose.training.synth.records import SynthObject, SynthPhoto
-from cadpose.training.synth.shapes import Shape, redressed, warped
+from cadpose.training.synth.shapes import KeptScenes, Shape, redressed, warped
 from cadpose.training.synth.views import camera_on, random_distance, random_lights, random_rotation
 
 #: Objects of which less is seen are not labelled.
@@ -56,6 +55,7 @@ class SynthGenerator:
         options: Chances and ranges.
         seed: With a photo's number it decides everything.
         drawer: Draws the shapes; the rasteriser unless told. Labels do not depend on it but for masks.
+        kept_bytes: Memory for models that may be drawn again; about 2 MB each.
 
     Raises:
         ValueError: no model is given.
@@ -70,13 +70,13 @@ class SynthGenerator:
         options: SynthOptions | None = None,
         seed: int = 0,
         drawer: Drawer | None = None,
+        kept_bytes: int = 2 << 30,
     ) -> None:
         if not models:
             raise ValueError("synthetic photos need at least one CAD model")
         self.options = options or SynthOptions()
         self.seed = seed
         self.backdrops = backdrops
-        self._mesh, self._symmetry = mesh, symmetry
         # By origin, the first part of the id: a hundred models made by formula do not drown ten others.
         self._by_category: dict[str, list[list[CadModel]]] = {}
         for category in sorted({model.category for model in models}):
@@ -88,7 +88,7 @@ class SynthGenerator:
         weights = np.array([self._weight(c) for c in self._categories])
         self._chances = weights / weights.sum()
         self.drawer: Drawer = drawer or RasterDrawer()
-        self._scenes: dict[str, tuple[Scene, SymmetryGroup]] = {}
+        self._scenes = KeptScenes(mesh, symmetry, kept_bytes)
         self._series: tuple[int, list[Shape]] | None = None
 
     def photo(self, index: int) -> SynthPhoto:
@@ -141,9 +141,7 @@ class SynthGenerator:
         chances = np.sqrt([len(group) for group in groups])
         models = groups[rng.choice(len(groups), p=chances / chances.sum())]
         cad = models[rng.integers(len(models))]
-        if cad.id not in self._scenes:
-            self._scenes[cad.id] = (build_scene(self._mesh(cad)), self._symmetry(cad))
-        scene, symmetry = self._scenes[cad.id]
+        scene, symmetry = self._scenes.of(cad)
         if self.options.warp:
             scene = warped(scene, symmetry, rng, self.options.warp)
         if rng.random() < self.options.redress:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,8 +11,9 @@ from numpy.typing import NDArray
 
 from cadpose.geometry.frames import FloatArray
 from cadpose.geometry.symmetry_groups import SymmetryGroup
+from cadpose.library.mesh import Mesh
 from cadpose.records import CadModel
-from cadpose.rendering.scene import Scene, retextured
+from cadpose.rendering.scene import Scene, build_scene, retextured
 from cadpose.training.synth.backdrops import Backdrops
 from cadpose.training.synth.kernels import scaled_normals
 
@@ -31,6 +34,40 @@ class Shape:
     cad: CadModel
     scene: Scene
     symmetry: SymmetryGroup
+
+
+class KeptScenes:
+    """Models laid out for drawing; those not drawn for long make room for others.
+
+    Args:
+        mesh: Gives a model's mesh.
+        symmetry: Gives the rotations that leave a model as it looks.
+        most: Bytes that are kept; the last model is kept however large.
+    """
+
+    def __init__(
+        self, mesh: Callable[[CadModel], Mesh], symmetry: Callable[[CadModel], SymmetryGroup], most: int
+    ) -> None:
+        self._mesh, self._symmetry, self._most = mesh, symmetry, most
+        self._kept: OrderedDict[str, tuple[Scene, SymmetryGroup]] = OrderedDict()
+        self._bytes = 0
+
+    def of(self, cad: CadModel) -> tuple[Scene, SymmetryGroup]:
+        """A model's scene and symmetry."""
+        if cad.id in self._kept:
+            self._kept.move_to_end(cad.id)
+            return self._kept[cad.id]
+        found = build_scene(self._mesh(cad)), self._symmetry(cad)
+        self._kept[cad.id] = found
+        self._bytes += _size(found[0])
+        while self._bytes > self._most and len(self._kept) > 1:
+            _, (old, _) = self._kept.popitem(last=False)
+            self._bytes -= _size(old)
+        return found
+
+
+def _size(scene: Scene) -> int:
+    return sum(value.nbytes for value in vars(scene).values() if isinstance(value, np.ndarray))
 
 
 def warped(scene: Scene, symmetry: SymmetryGroup, rng: np.random.Generator, strength: float = 1.0) -> Scene:
