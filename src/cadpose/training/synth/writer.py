@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -159,7 +160,10 @@ def _run(jobs: list[_Job], workers: int) -> Iterator[tuple[int, int]]:
         return
     context = get_context("spawn")
     with ProcessPoolExecutor(
-        min(workers, len(jobs)), mp_context=context, initializer=_start, initargs=(jobs[0].recipe,)
+        min(workers, len(jobs)),
+        mp_context=context,
+        initializer=_start,
+        initargs=(jobs[0].recipe, context.Value("i", 0)),
     ) as pool:
         try:
             futures = {pool.submit(_draw_here, job): job for job in jobs}
@@ -174,8 +178,10 @@ def _run(jobs: list[_Job], workers: int) -> Iterator[tuple[int, int]]:
 _own: SynthGenerator | CadposeError | None = None
 
 
-def _start(recipe: Recipe) -> None:
+def _start(recipe: Recipe, started: Any) -> None:
     global _own
+    if recipe.renderer == "blender":
+        _keep_to_one_core(started)
     # Ctrl-C is the parent's to handle; a worker whose parent was killed would go on for ever.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
@@ -186,6 +192,15 @@ def _start(recipe: Recipe) -> None:
         _own = recipe.generator()
     except CadposeError as error:  # an error here would break the pool without a word
         _own = error
+
+
+def _keep_to_one_core(started: Any) -> None:
+    """One core a worker: Blender's threads wait by spinning, and would take the cores of the others."""
+    if sys.platform == "linux":
+        with started.get_lock():
+            number, started.value = started.value, started.value + 1
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {cores[number % len(cores)]})
 
 
 def _follow(parent: Any) -> None:
