@@ -64,6 +64,10 @@ def test_mistakes(small_library: Library, tmp_path: Path) -> None:
     one_sentence(cadpose(*synth(small_library, out, "--backgrounds", tmp_path)), "holds no photo")
     one_sentence(cadpose(*synth(small_library, out, "--category", "boat")), "'boat'", "car, chair")
     one_sentence(cadpose("synth", out, "--library", tmp_path), "no CAD library", tmp_path)
+    one_sentence(cadpose(*synth(small_library, out, "--hdri", tmp_path)), "--renderer blender")
+    nowhere = {"CADPOSE_BLENDER": str(tmp_path)}
+    missing = cadpose(*synth(small_library, out, "--renderer", "blender"), env=nowhere)
+    one_sentence(missing, "cadpose blender setup")
     Library.create(tmp_path / "empty")
     one_sentence(cadpose("synth", out, "--library", tmp_path / "empty"), "is empty")
     (tmp_path / "full").mkdir()
