@@ -31,7 +31,7 @@ def test_boxes_and_axes_are_where_they_belong(tmp_path: Path) -> None:
     greys = [page[y + 4 + 195, x + 4 + 195, 0] for y in (0, 204) for x in (0, 204)]
     assert greys == [0, 30, 60, 90]
     first = page[4:204, 4:204].astype(int)
-    assert first[180, 100].tolist() == first[60, 130].tolist() == first[120, 40].tolist() == [255, 128, 0]
+    assert first[180, 100].tolist() == first[60, 130].tolist() == first[150, 40].tolist() == [255, 128, 0]
     # Seen from the front, the object's own right lies at image left, and up is up: 35 pixels long.
     assert first[120, 60, 0] > 200 and first[120, 60, 1] < 60
     assert first[70, 100, 1] > 150 and first[70, 100, 0] < 60
