@@ -33,6 +33,7 @@ VERBS: tuple[list[str], ...] = (
     ["library", "symmetry"],
     ["doctor"],
     ["bench"],
+    ["synth"],
     ["blender"],
     ["blender", "setup"],
 )
