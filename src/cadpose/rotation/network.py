@@ -53,8 +53,9 @@ class AngleDistributions:
         return angles_from_labels(np.stack(labels, axis=-1)), joint.ravel()[first]
 
     def density(self, angles: FloatArray) -> FloatArray:
-        """(N, 3) angles in degrees to (N,) log probability of their bins, smooth between the bins' middles."""
-        labels = np.stack([-angles[:, 0] % 360.0, angles[:, 1] + 90.0, (angles[:, 2] + 180.0) % 360.0], axis=1)
+        """(N, 3) angles in degrees to (N,) log probability, smooth between the middles of bins."""
+        azimuth, elevation, inplane = angles.T
+        labels = np.stack([-azimuth % 360.0, elevation + 90.0, (inplane + 180.0) % 360.0], axis=1)
         total = np.zeros(len(angles))
         for i, share in enumerate(self.shares):
             n = BINS[i]

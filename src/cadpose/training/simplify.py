@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -102,14 +102,15 @@ def _reduced(material: Material, side: int) -> Material:
         return material
     scale = side / max(texture.shape[:2])
     height, width = (max(1, round(n * scale)) for n in texture.shape[:2])
-    return replace(material, texture=cv2.resize(texture, (width, height), interpolation=cv2.INTER_AREA))
+    small = cv2.resize(texture, (width, height), interpolation=cv2.INTER_AREA)
+    return replace(material, texture=np.asarray(small, np.uint8))
 
 
 def simplify_library(
     source: Library,
     folder: Path,
     ids: Iterable[str],
-    faces: int = 8000,
+    faces: Mapping[str, int] | int = 8000,
     texture_side: int = 128,
     on_done: Callable[[str], None] = lambda _: None,
 ) -> Library:
@@ -119,7 +120,7 @@ def simplify_library(
         source: Where the models are.
         folder: Where the copies go; what is there already is replaced.
         ids: Which models.
-        faces: See :func:`simplified`.
+        faces: See :func:`simplified`; a number for all, or one a category, with ``""`` for the others.
         texture_side: Likewise.
         on_done: Called with each id.
 
@@ -131,7 +132,8 @@ def simplify_library(
     shutil.copyfile(source.path / INDEX, folder / INDEX)
     rows = []
     for cad_id in kept:
-        mesh = simplified(source.mesh(cad_id), faces, texture_side)
+        most = faces if isinstance(faces, int) else faces.get(source.get(cad_id).category, faces[""])
+        mesh = simplified(source.mesh(cad_id), most, texture_side)
         data = mesh_to_bytes(mesh)
         sha256 = sha256_of(data)
         write_atomic(mesh_path(folder / "meshes", sha256), data)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -114,8 +115,6 @@ class ObjectStream(IterableDataset[Objects]):
         return _CHUNK * self.source.options.series
 
     def __iter__(self) -> Iterator[Objects]:
-        # One core a worker: their number is what makes the stream fast.
-        torch.set_num_threads(1)
         info = get_worker_info()
         worker, workers = (info.id, info.num_workers) if info else (0, 1)
         generator = self.source.generator()
@@ -173,7 +172,12 @@ def loader(stream: ObjectStream, workers: int, pin: bool = False) -> Iterator[Ob
             num_workers=workers,
             prefetch_factor=4 if workers else None,
             pin_memory=pin,
-            persistent_workers=workers > 0,
-            multiprocessing_context="spawn" if workers else None,
+            worker_init_fn=_one_thread,
         )
     )
+
+
+def _one_thread(_worker: int) -> None:
+    """A core a worker: threads of each would fight for the same cores."""
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)

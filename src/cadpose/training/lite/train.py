@@ -125,15 +125,15 @@ def train(
     torch.manual_seed(recipe.seed)
     where = torch.device(device)
     if where.type == "cuda":
-        torch.backends.cudnn.benchmark = True
+        torch.backends.cudnn.allow_tf32 = True
         torch.set_float32_matmul_precision("high")
     model = LitePose(source.categories, backbone).to(where)
-    # Channels last in the weights makes the convolutions run so.
-    model = model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     blend = get_ema_multi_avg_fn(recipe.ema)  # type: ignore[no-untyped-call]
     average = AveragedModel(model, multi_avg_fn=blend, use_buffers=True)
     optimiser = torch.optim.AdamW(
-        model.parameter_groups(recipe.rate, recipe.backbone_share), weight_decay=recipe.decay
+        model.parameter_groups(recipe.rate, recipe.backbone_share),
+        weight_decay=recipe.decay,
+        fused=where.type == "cuda",
     )
     peaks = [group["lr"] for group in optimiser.param_groups]
     generator = torch.Generator(where).manual_seed(recipe.seed)
@@ -143,14 +143,18 @@ def train(
     if resume and (out / CHECKPOINT).is_file():
         step, photos = _load(out / CHECKPOINT, told, model, average, optimiser, where)
         generator.manual_seed(recipe.seed + step)
-    unseen = _validation(validation, validation_photos, recipe.workers)
-    stream = loader(ObjectStream(source, first=photos), recipe.workers, pin=where.type == "cuda")
+    stream_of = ObjectStream(source, first=photos)
+    stream = loader(stream_of, recipe.workers, pin=where.type == "cuda")
+    # Drawn here, while the workers begin.
+    unseen = _validation(validation, validation_photos)
     buffer = Buffer(recipe.buffer, source.options.size, where)
     start = time.monotonic()
     model.train()
-    chunk_photos = 0
+    chunk_photos, waited = 0, 0.0
     while step < recipe.steps:
-        chunk_photos += _fill(buffer, stream, recipe, step, source.options.series * 4)
+        before = time.monotonic()
+        chunk_photos += _fill(buffer, stream, recipe, step, stream_of.chunk)
+        waited += time.monotonic() - before
         share = step / recipe.steps
         if recipe.seconds is not None:
             share = max(share, (time.monotonic() - start) / recipe.seconds)
@@ -163,7 +167,7 @@ def train(
         step += 1
         if step % 50 == 0:
             row = {"step": step, "entered": buffer.entered, "seconds": round(time.monotonic() - start, 1)}
-            row |= {name: float(value) for name, value in losses.items()}
+            row |= {"waited": round(waited, 1)} | {name: float(value) for name, value in losses.items()}
             _log(out, row)
             on_step(step, row)
         if step % recipe.validate_every == 0:
@@ -200,13 +204,12 @@ def _step(
         crops(drawn.photos, drawn.boxes, drawn.visible_boxes, targets, recipe.augmentation, generator)
         for _ in range(2)
     ]
-    images = normalised(torch.cat([c for c, _ in both])).contiguous(memory_format=torch.channels_last)
+    images = normalised(torch.cat([c for c, _ in both]))
     n = len(drawn)
     one_hot = functional.one_hot(drawn.category, len(model.categories)).float()
     draw = torch.rand(n, generator=generator, device=one_hot.device)
     one_hot = one_hot * (draw >= recipe.unknown).float()[:, None]
-    with torch.autocast(images.device.type, torch.bfloat16, enabled=images.device.type == "cuda"):
-        logits, offsets, features = model(images, one_hot.repeat(2, 1))
+    logits, offsets, features = model(images, one_hot.repeat(2, 1))
     merged = Targets(torch.cat([t.angles for _, t in both]), drawn.turns.repeat(2))
     pose = pose_loss(logits, offsets, merged)
     # The two crops of a photo may be mirrored and turned differently: only those alike are positives.
@@ -222,11 +225,10 @@ def _step(
     return {"pose": pose.detach(), "contrast": near.detach()}
 
 
-def _validation(source: Source | None, photos: int, workers: int) -> list[Objects]:
+def _validation(source: Source | None, photos: int) -> list[Objects]:
     if source is None or not source.models:
         return []
-    stream = ObjectStream(source, photos=photos, main_only=True)
-    return list(loader(stream, workers))
+    return list(ObjectStream(source, photos=photos, main_only=True))
 
 
 def _report(
