@@ -87,14 +87,17 @@ def text_from_runs(runs: Sequence[int]) -> str:
     """
     if min(runs, default=0) < 0 or max(runs, default=0) > 1 << 38:
         raise ValueError("a mask's runs must be between 0 and 2**38")
-    codes = bytearray()
-    for i, run in enumerate(runs):
-        value = run - runs[i - 2] if i > 2 else run
-        while True:
-            group, value = value & 31, value >> 5
-            # Done when what is left is the sign that bit 4 of the group tells.
-            if value == (-1 if group & 16 else 0):
-                codes.append(48 + group)
-                break
-            codes.append(48 + (group | 32))
-    return codes.decode("ascii")
+    value = np.asarray(runs, np.int64).copy()
+    value[3:] -= np.asarray(runs, np.int64)[1:-2]
+    codes, used = np.zeros((8, len(value)), np.uint8), np.zeros((8, len(value)), np.bool_)
+    going = np.ones(len(value), np.bool_)
+    for place in range(8):
+        group, value = value & 31, value >> 5
+        # Done when what is left is the sign that bit 4 of the group tells.
+        done = value == -(group >> 4)
+        codes[place] = 48 + group + np.where(done, 0, 32)
+        used[place] = going
+        going = going & ~done
+        if not going.any():
+            break
+    return codes.T[used.T].tobytes().decode("ascii")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from hashlib import sha256
 from weakref import WeakKeyDictionary
@@ -156,7 +157,7 @@ class Rasteriser:
     def _buffer(self, name: str, dtype: type, *shape: int) -> np.ndarray:
         """A scratch array of this thread, kept for the next view; its content is left over."""
         kept = getattr(self._local, name, None)
-        size = int(np.prod(shape))
+        size = math.prod(shape)
         if kept is None or kept.size < size:
             kept = np.empty(size, dtype)
             setattr(self._local, name, kept)

@@ -75,3 +75,40 @@ def scaled_normals(normals: Floats, faces: NDArray[np.int32], slope: Floats, out
             z = normals[f, c, 2] * slope[v, 2]
             scale = np.float32(1.0) / np.float32(math.sqrt(x * x + y * y + z * z + np.float32(1e-12)))
             out[f, c, 0], out[f, c, 1], out[f, c, 2] = x * scale, y * scale, z * scale
+
+
+@kernel
+def project_along(
+    vertices: Floats, faces: NDArray[np.int32], scale: float, u: float, v: float, uv: Floats
+) -> None:
+    """Texture coordinates (F, 3, 2) of each face, from the two axes that it lies along most.
+
+    Args:
+        vertices: (V, 3).
+        faces: (F, 3).
+        scale: From a length to a texture coordinate.
+        u: Added to the first coordinate.
+        v: Added to the second.
+        uv: Written.
+    """
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        px, py, pz = (
+            vertices[b, 0] - vertices[a, 0],
+            vertices[b, 1] - vertices[a, 1],
+            vertices[b, 2] - vertices[a, 2],
+        )
+        qx, qy, qz = (
+            vertices[c, 0] - vertices[a, 0],
+            vertices[c, 1] - vertices[a, 1],
+            vertices[c, 2] - vertices[a, 2],
+        )
+        nx, ny, nz = abs(py * qz - pz * qy), abs(pz * qx - px * qz), abs(px * qy - py * qx)
+        first, second = 0, 1
+        if nx >= ny and nx >= nz:
+            first = 2
+        elif ny >= nz:
+            second = 2
+        for k in range(3):
+            uv[f, k, 0] = vertices[faces[f, k], first] * scale + u
+            uv[f, k, 1] = vertices[faces[f, k], second] * scale + v

@@ -15,7 +15,7 @@ from cadpose.library.mesh import Mesh
 from cadpose.records import CadModel
 from cadpose.rendering.scene import Scene, build_scene, retextured
 from cadpose.training.synth.backdrops import Backdrops
-from cadpose.training.synth.kernels import scaled_normals
+from cadpose.training.synth.kernels import project_along, scaled_normals
 
 _GREYS = ((0.95, 0.95, 0.94), (0.75, 0.74, 0.72), (0.5, 0.5, 0.5), (0.25, 0.25, 0.26), (0.08, 0.08, 0.09))
 _WOODS = ((0.72, 0.52, 0.33), (0.52, 0.33, 0.18), (0.35, 0.2, 0.12), (0.85, 0.7, 0.5), (0.6, 0.4, 0.25))
@@ -160,12 +160,11 @@ def redressed(scene: Scene, rng: np.random.Generator, backdrops: Backdrops) -> S
 
 def box_uv(scene: Scene, rng: np.random.Generator) -> NDArray[np.float32]:
     """(F, 3, 2) texture coordinates from the two axes that a face lies along most, at a random scale."""
-    corners = scene.vertices[scene.faces]
-    normal = np.abs(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    axis = normal.argmax(axis=1)
-    pairs = np.array([(2, 1), (0, 2), (0, 1)])[axis]
-    uv = np.take_along_axis(corners, np.repeat(pairs[:, None, :], 3, axis=1), axis=2)
-    return np.asarray(uv * rng.uniform(0.7, 5.0) + rng.random(2), np.float32)
+    uv = np.empty((len(scene.faces), 3, 2), np.float32)
+    scale = float(rng.uniform(0.7, 5.0))
+    u, v = (float(shift) for shift in rng.random(2))
+    project_along(scene.vertices, scene.faces, scale, u, v, uv)
+    return uv
 
 
 def random_colour(rng: np.random.Generator) -> NDArray[np.float64]:
