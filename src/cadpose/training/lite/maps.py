@@ -1,0 +1,139 @@
+"""What the frozen encoder sees of synthetic objects, drawn once and kept: shards of described crops.
+
+Training a head on maps that are kept is a hundred times cheaper than training through the encoder, and what
+the encoder learnt from real photos is not unlearnt.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from cadpose.encoder import lite0
+from cadpose.library.storage import write_atomic
+from cadpose.rotation.features import LEVELS, describe
+from cadpose.training.lite.augment import Augmentation, crops
+from cadpose.training.lite.objective import Targets
+from cadpose.training.lite.stream import Source, objects
+from cadpose.training.synth.generator import SynthGenerator
+
+#: Photos a shard.
+SHARD = 96
+
+
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """M described crops.
+
+    Attributes:
+        cells: One int8 array a level of ``rotation.features.LEVELS``, (M, cells, channels).
+        angles: (M, 3) float32 azimuth, elevation, in-plane rotation.
+        turns: (M,) int64 number of azimuths that look the same, 0 for a body of revolution.
+        category: (M,) int64.
+    """
+
+    cells: tuple[NDArray[np.int8], ...]
+    angles: NDArray[np.float32]
+    turns: NDArray[np.int64]
+    category: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.turns)
+
+    def to_bytes(self) -> bytes:
+        """The form kept on disk."""
+        out = io.BytesIO()
+        named = {f"cells{i}": c for i, c in enumerate(self.cells)}
+        np.savez(
+            out, allow_pickle=False, **named, angles=self.angles, turns=self.turns, category=self.category
+        )
+        return out.getvalue()
+
+    @classmethod
+    def from_file(cls, path: Path) -> Maps:
+        """What :meth:`to_bytes` wrote."""
+        with np.load(path, allow_pickle=False) as data:
+            cells = tuple(data[f"cells{i}"] for i in range(len(LEVELS)))
+            return cls(cells, data["angles"], data["turns"], data["category"])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Maps]) -> Maps:
+        """All crops in order."""
+        return cls(
+            tuple(np.concatenate([p.cells[i] for p in parts]) for i in range(len(LEVELS))),
+            np.concatenate([p.angles for p in parts]),
+            np.concatenate([p.turns for p in parts]),
+            np.concatenate([p.category for p in parts]),
+        )
+
+
+def draw_shards(
+    source: Source,
+    folder: Path,
+    shards: Sequence[int],
+    *,
+    augmentation: Augmentation,
+    crops_each: int = 2,
+    main_only: bool = False,
+    workers: int = 2,
+    on_done: Callable[[Path], None] = lambda _: None,
+) -> Iterator[Path]:
+    """Draw those shards that are not there yet; yields the path of each.
+
+    A shard depends on the source, its number and the options alone, so a killed run goes on where it was.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    todo = [(k, folder / f"{k:06d}.npz") for k in shards]
+    missing = [(k, path) for k, path in todo if not path.is_file()]
+    yield from (path for k, path in todo if path.is_file())
+    # Forked workers share what the parent has loaded; one core each.
+    cv2.setNumThreads(1)
+    with ProcessPoolExecutor(max(1, workers), initializer=_one_thread) as pool:
+        jobs = [
+            pool.submit(_draw, source, k, path, augmentation, crops_each, main_only) for k, path in missing
+        ]
+        for job in jobs:
+            path = job.result()
+            on_done(path)
+            yield path
+
+
+def _one_thread() -> None:
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)
+
+
+@lru_cache(maxsize=1)
+def _generator(source: Source) -> SynthGenerator:
+    return source.generator()
+
+
+def _draw(
+    source: Source, shard: int, path: Path, augmentation: Augmentation, crops_each: int, main_only: bool
+) -> Path:
+    generator = _generator(source)
+    found = objects(generator, range(shard * SHARD, (shard + 1) * SHARD), source.categories, main_only)
+    assert found is not None
+    seeded = torch.Generator().manual_seed(source.seed * 1_000_003 + shard)
+    parts = []
+    for _ in range(crops_each):
+        targets = Targets(found.angles, found.turns)
+        images, changed = crops(
+            found.photos, found.boxes, found.visible_boxes, targets, augmentation, seeded
+        )
+        pixels = np.ascontiguousarray(images.round().to(torch.uint8).permute(0, 2, 3, 1).numpy())
+        described = describe(lite0("cpu", 1), pixels)
+        parts.append(
+            Maps(described.cells, changed.angles.numpy(), changed.turns.numpy(), found.category.numpy())
+        )
+    write_atomic(path, Maps.joined(parts).to_bytes())
+    return path
