@@ -9,17 +9,22 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from cadpose.detection import Detector
 from cadpose.detection.masks import MaskEstimator
 from cadpose.encoder import Lite0, lite0
 from cadpose.errors import CadposeError, DependencyError
+from cadpose.geometry.symmetry_groups import SymmetryGroup
+from cadpose.records import CadModel
 from cadpose.rendering import Renderer
 from cadpose.rotation import RotationEstimator
 from cadpose.rotation.gallery import RenderFramed
 from cadpose.similarity import SimilarityMeasure
 from cadpose.weights import cache_folder
+
+if TYPE_CHECKING:
+    from cadpose.rotation.render_and_compare import RenderAndCompare
 
 
 @dataclass(frozen=True)
@@ -31,12 +36,14 @@ class Backends:
         seed: Seeds what draws random numbers.
         cache: Folder for template galleries, None for the user's cache folder.
         render_framed: Draws a model framed in a 224 px square.
+        symmetry: Gives the rotations that leave a model as it looks; None takes every model as having none.
     """
 
     device: str
     seed: int
     cache: Path | None
     render_framed: RenderFramed
+    symmetry: Callable[[CadModel], SymmetryGroup] | None = None
 
     def renderer(self, which: object) -> Renderer:
         """A renderer by name."""
@@ -72,7 +79,7 @@ class Backends:
     def rotation(self, which: object, renderer_name: str) -> RotationEstimator:
         """A rotation estimator by name."""
 
-        def render_and_compare() -> RotationEstimator:
+        def render_and_compare() -> RenderAndCompare:
             from cadpose.rotation.gallery import GalleryStore
             from cadpose.rotation.render_and_compare import RenderAndCompare
 
@@ -84,13 +91,28 @@ class Backends:
             store = GalleryStore(folder, single, self.render_framed, renderer_name, workers)
             return RenderAndCompare(store, encoder)
 
+        def embedded() -> RotationEstimator:
+            from cadpose.rotation.embedded import EmbeddedRotation
+            from cadpose.rotation.network import RotationNetwork
+
+            return EmbeddedRotation(
+                render_and_compare(),
+                encoder_on(self.device),
+                network=RotationNetwork(device=self.device),
+                symmetry=self.symmetry,
+            )
+
         def posecontrast() -> RotationEstimator:
             from cadpose.rotation.posecontrast import PoseContrastEstimator
 
             encoder_on(self.device)  # refuses a device that is not there
             return PoseContrastEstimator(device=self.device)
 
-        makers = {"render-and-compare": render_and_compare, "posecontrast": posecontrast}
+        makers: dict[str, Callable[[], Any]] = {
+            "embedded": embedded,
+            "render-and-compare": render_and_compare,
+            "posecontrast": posecontrast,
+        }
         return cast(RotationEstimator, _choose("rotation", which, makers))
 
     def similarity(self, which: object) -> SimilarityMeasure:

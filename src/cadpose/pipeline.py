@@ -114,7 +114,7 @@ class Annotator:
         *,
         detector: object = "embedded",
         masks: object = "grabcut",
-        rotation: object = "render-and-compare",
+        rotation: object = "embedded",
         similarity: object = "aligned",
         renderer: object = "raster",
         candidates: int = 10,
@@ -133,7 +133,7 @@ class Annotator:
         self.candidate_count = candidates
         self.align_to = align_to
         self.seed = seed
-        backends = Backends(device=device, seed=seed, cache=cache, render_framed=self.render_framed)
+        backends = Backends(device, seed, cache, self.render_framed, self.library.symmetry)
         self.renderer = backends.renderer(renderer)
         self.detector = backends.detector(detector, self.categories)
         self.masks = backends.masks(masks)

@@ -12,6 +12,7 @@ from cadpose.cli.options import (
     Candidates,
     Categories,
     Device,
+    Estimator,
     Json,
     LibraryFolder,
     RendererName,
@@ -47,6 +48,7 @@ def annotate(
     similarity: Similarity = "aligned",
     renderer: RendererName = "raster",
     align_to: AlignTo = "box",
+    estimator: Estimator = "embedded",
     resume: Annotated[bool, typer.Option("--resume", help="Leave finished photos alone.")] = False,
     json: Json = False,
     device: Device = "cpu",
@@ -77,6 +79,7 @@ def annotate(
         similarity=similarity,
         renderer=renderer,
         align_to=align_to,
+        estimator=estimator,
         categories=None if known else category,
     )
     outcomes: list[PhotoOutcome] = []

@@ -11,6 +11,7 @@ import typer
 from cadpose.cli.options import (
     Candidates,
     Device,
+    Estimator,
     Json,
     LibraryFolder,
     RendererName,
@@ -58,6 +59,7 @@ def rotation(
             "--symmetry", help="Forgive turns that look alike: by the labelled model, or also by category."
         ),
     ] = "cad",
+    estimator: Estimator = "embedded",
     library: LibraryFolder = None,
     candidates: Candidates = 10,
     renderer: RendererName = "raster",
@@ -88,7 +90,9 @@ def rotation(
     if report is not None:
         # Before the long part, so that nothing is evaluated in vain.
         prepare_report(report, [labels, *(label.photo for label in wanted)])
-    annotator = make_annotator(library, device=device, seed=seed, candidates=candidates, renderer=renderer)
+    annotator = make_annotator(
+        library, device=device, seed=seed, candidates=candidates, renderer=renderer, estimator=estimator
+    )
     with progress_bar("rotation", len(wanted)) as bar:
         results = evaluate_rotation(
             perturbation.turned_labels(wanted),

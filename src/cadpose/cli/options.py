@@ -55,6 +55,10 @@ Similarity = Annotated[
 RendererName = Annotated[
     Literal["raster", "blender"], typer.Option("--renderer", help="What draws the models.")
 ]
+Estimator = Annotated[
+    Literal["embedded", "render-and-compare", "posecontrast"],
+    typer.Option("--estimator", help="What estimates the rotation."),
+]
 AlignTo = Annotated[
     Literal["box", "paper", "mask"],
     typer.Option(
@@ -72,6 +76,7 @@ def make_annotator(
     similarity: str = "aligned",
     renderer: str = "raster",
     align_to: str = "box",
+    estimator: str = "embedded",
     categories: list[str] | None = None,
 ) -> Annotator:
     """The annotator that the options ask for; imported here, so that ``--help`` is quick."""
@@ -85,5 +90,6 @@ def make_annotator(
         similarity=similarity,
         renderer=renderer,
         align_to=align_to,
+        rotation=estimator,
         categories=categories,
     )

@@ -1,7 +1,8 @@
 """The embedded rotation network through ONNX Runtime: a crop and its category to distributions of the angles.
 
-The network is PoseContrast's heads on an EfficientNet-Lite, trained on synthetic photos by
-``cadpose train rotation``; docs/model-card.md tells on what, and how well it does.
+Two members answer, and their probabilities are averaged: PoseContrast's heads on an EfficientNet-Lite that
+was fine-tuned on synthetic photos, and a head on the maps of the shared encoder, which was not.
+docs/model-card.md tells on what they were trained (``cadpose train rotation``), and how well they do.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from cadpose.errors import DependencyError
 from cadpose.geometry.frames import FloatArray
 from cadpose.rotation.bins import BIN_DEGREES, BINS, angles_from_labels, probabilities
+from cadpose.rotation.features import Described
 
 #: Name of the shipped network.
 SHIPPED = "rotation.onnx"
@@ -103,31 +105,34 @@ class RotationNetwork:
         """The categories that the network was told of in training."""
         return tuple(json.loads(self._session.get_modelmeta().custom_metadata_map["categories"]))
 
-    def look(self, crop: NDArray[np.uint8], category: str) -> AngleDistributions:
-        """Both the crop and its mirror image, averaged (PoseContrast keeps the more confident instead).
+    def look(
+        self, crops: NDArray[np.uint8], described: Described, category: str, mirrored: Sequence[bool]
+    ) -> AngleDistributions:
+        """What both members say of crops of one object, averaged.
 
         Args:
-            crop: (224, 224, 3) uint8; the longer side of the object's box fills the square, white beside it.
+            crops: (N, 224, 224, 3) uint8; the longer side of the object's box fills the square, white
+                beside it.
+            described: The same crops as the shared encoder sees them.
             category: Library category; one that the network does not know counts as unknown.
+            mirrored: Which of the crops are mirror images.
         """
-        told = np.zeros((1, len(self.categories)), np.float32)
+        told = np.zeros((len(crops), len(self.categories)), np.float32)
         if category in self.categories:
-            told[0, self.categories.index(category)] = 1.0
-        sides = [self._run(image, told) for image in (crop, np.ascontiguousarray(crop[:, ::-1]))]
+            told[:, self.categories.index(category)] = 1.0
+        names = [*_ANGLES, *(f"{a}_offset" for a in _ANGLES), "features"]
+        given = {"images": crops, "fine": described.cells[0], "coarse": described.cells[1], "category": told}
+        out = self._session.run(names, given)
         shares, offsets = [], []
         for i in range(3):
-            own, mirrored = sides[0][i], sides[1][i]
-            if i != 1:
-                # Label l of the mirror image is label -l: bins and offsets run the other way.
-                mirrored = (mirrored[0][::-1], 1.0 - mirrored[1][::-1])
-            share = (own[0] + mirrored[0]) / 2.0
-            weight = own[0] / np.maximum(own[0] + mirrored[0], 1e-12)
-            shares.append(share)
-            offsets.append(weight * own[1] + (1.0 - weight) * mirrored[1])
-        return AngleDistributions(tuple(shares), tuple(offsets), sides[0][3])
-
-    def _run(self, image: NDArray[np.uint8], told: NDArray[np.float32]) -> Sequence[Any]:
-        names = [*_ANGLES, *(f"{a}_offset" for a in _ANGLES), "features"]
-        out = self._session.run(names, {"images": image[None], "category": told})
-        pairs = [(probabilities(out[i][0]), out[3 + i][0].astype(np.float64)) for i in range(3)]
-        return [*pairs, out[6][0]]
+            share, offset = probabilities(out[i]), out[3 + i].astype(np.float64)
+            for n in np.flatnonzero(mirrored):
+                if i != 1:
+                    # Label l of the mirror image is label -l: bins and offsets run the other way.
+                    share[n], offset[n] = share[n, :, ::-1], 1.0 - offset[n, :, ::-1]
+            bins = share.shape[-1]
+            share, offset = share.reshape(-1, bins), offset.reshape(-1, bins)
+            mean = share.mean(axis=0)
+            shares.append(mean)
+            offsets.append((share * offset).sum(axis=0) / np.maximum(len(share) * mean, 1e-12))
+        return AngleDistributions(tuple(shares), tuple(offsets), out[6][0])

@@ -19,7 +19,7 @@ from cadpose.errors import LibraryError
 from cadpose.geometry.angles import geodesic_degrees
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import CadModel, Rotation, RotationHypothesis
-from cadpose.rotation.features import describe
+from cadpose.rotation.features import Described, describe
 from cadpose.rotation.gallery import GalleryStore
 from cadpose.rotation.grid import grid_angles, grid_distances, grid_rotations
 from cadpose.rotation.templates import Templates
@@ -79,10 +79,12 @@ class RenderAndCompare:
 
     def scores(self, crop: NDArray[np.uint8], cads: Sequence[CadModel]) -> FloatArray:
         """(N,) vote of the models for every rotation of the grid."""
-        cosines = self._templates(cads).cosines(describe(self.encoder, crop[None]))
-        best = cosines.max(axis=0)
-        vote = best + _VOTE_TEMPERATURE * np.log(np.exp((cosines - best) / _VOTE_TEMPERATURE).mean(axis=0))
+        vote = voted(self.cosines(describe(self.encoder, crop[None]), cads))
         return np.asarray(vote - _INPLANE_COST_30 * np.abs(grid_angles()[:, 2]) / 30.0)
+
+    def cosines(self, described: Described, cads: Sequence[CadModel]) -> FloatArray:
+        """(M, N) likeness of a described crop to every model at every rotation of the grid."""
+        return self._templates(cads).cosines(described)
 
     def _templates(self, cads: Sequence[CadModel]) -> Templates:
         key = tuple((cad.id, cad.sha256) for cad in cads)
@@ -95,13 +97,20 @@ class RenderAndCompare:
         return self._kept[key]
 
 
+def voted(cosines: FloatArray) -> FloatArray:
+    """(M, N) cosines to the (N,) vote of the M models: a log-sum-exp, so that those most alike count most."""
+    best = cosines.max(axis=0)
+    shares = np.exp((cosines - best) / _VOTE_TEMPERATURE).mean(axis=0)
+    return np.asarray(best + _VOTE_TEMPERATURE * np.log(shares))
+
+
 def peaks(scores: FloatArray, count: int) -> list[RotationHypothesis]:
     """The best ``count`` peaks of (N,) scores over the grid, best first, at least 25° apart."""
     left = scores.copy()
     found: list[tuple[Rotation, float]] = []
     while len(found) < count and np.isfinite(left).any():
         best = int(np.argmax(left))
-        R = _between_grid_points(scores, best)
+        R = between_grid_points(scores, best)
         if any(geodesic_degrees(R, other.to_matrix()) < _PEAK_DISTANCE for other, _ in found):
             # On the flank of a better peak the neighbours draw it there; the grid point keeps away.
             R = grid_rotations()[best]
@@ -117,7 +126,8 @@ def peaks(scores: FloatArray, count: int) -> list[RotationHypothesis]:
     ]
 
 
-def _between_grid_points(scores: FloatArray, best: int) -> FloatArray:
+def between_grid_points(scores: FloatArray, best: int) -> FloatArray:
+    """(3, 3) rotation of the peak at grid point ``best``: its neighbours, averaged by their (N,) scores."""
     near = np.flatnonzero(grid_distances()[best] <= _PEAK_RADIUS)
     weights = np.exp((scores[near] - scores[best]) / _PEAK_TEMPERATURE)
     mean = np.einsum("n,nij->ij", weights / weights.sum(), grid_rotations()[near])

@@ -1,4 +1,4 @@
-"""The trained network as one ONNX file: half precision on disk, single precision when it runs."""
+"""The two trained members as one ONNX file: half precision on disk, single precision when it runs."""
 
 from __future__ import annotations
 
@@ -13,80 +13,100 @@ from torch import Tensor, nn
 from cadpose.encoder import SIDE
 from cadpose.errors import DependencyError
 from cadpose.library.storage import write_atomic
+from cadpose.rotation.features import LEVELS
+from cadpose.training.lite.head import MapHead
 from cadpose.training.lite.network import LitePose, normalised
 
 _ANGLES = ("azimuth", "elevation", "inplane")
+INPUTS = ("images", "fine", "coarse", "category")
 OUTPUTS = (*_ANGLES, *(f"{name}_offset" for name in _ANGLES), "features")
 
 
-class _WithPreprocessing(nn.Module):
-    """uint8 RGB (N, 224, 224, 3) and (N, C) one-hot in, everything out by name."""
+class Members(nn.Module):
+    """Both networks side by side; what they answer is stacked, (N, 2, bins), the fine-tuned one first."""
 
-    def __init__(self, network: LitePose) -> None:
+    def __init__(self, tuned: LitePose, head: MapHead) -> None:
         super().__init__()
-        self.network = network
+        self.tuned, self.head = tuned, head
 
-    def forward(self, images: Tensor, category: Tensor) -> tuple[Tensor, ...]:
+    def forward(self, images: Tensor, fine: Tensor, coarse: Tensor, category: Tensor) -> tuple[Tensor, ...]:
+        """The inputs of :data:`INPUTS` to the outputs of :data:`OUTPUTS`."""
         x = normalised(images.permute(0, 3, 1, 2).to(torch.float32))
-        logits, offsets, features = self.network(x, category)
-        return (*logits, *offsets, features)
+        own, head = self.tuned(x, category), self.head(fine, coarse, category)
+        stacked = [
+            torch.stack(pair, dim=1) for part in (0, 1) for pair in zip(own[part], head[part], strict=True)
+        ]
+        return (*stacked, own[2])
 
 
-def export(network: LitePose, path: Path, told: dict[str, str] | None = None) -> None:
-    """Write the network to ``path``; ``told`` goes into the file's metadata beside the categories.
+def export(tuned: LitePose, head: MapHead, path: Path, told: dict[str, str] | None = None) -> None:
+    """Write both members to ``path``; ``told`` goes into the file's metadata beside the categories.
+
+    Inputs: ``images`` (N, 224, 224, 3) uint8 RGB, ``fine`` (N, 196, 112) and ``coarse`` (N, 49, 192) int8
+    cells of the shared encoder, ``category`` (N, C) one-hot.
 
     Raises:
         DependencyError: ``onnx`` is not installed.
-        ValueError: the file answers differently from the network.
+        ValueError: the members know different categories, or the file answers differently from them.
     """
     try:
         import onnx
-        from onnx import numpy_helper
     except ImportError as error:
         raise DependencyError("the export needs onnx: pip install 'cadpose[train]'") from error
-    network = network.eval()
-    images = torch.randint(0, 256, (2, SIDE, SIDE, 3), dtype=torch.uint8)
-    category = torch.eye(len(network.categories))[:2]
-    whole = _WithPreprocessing(network).eval()
+    if tuned.categories != head.categories:
+        raise ValueError("the two members were trained on different categories")
+    whole = Members(tuned.eval(), head.eval()).eval()
+    example = (
+        torch.randint(0, 256, (2, SIDE, SIDE, 3), dtype=torch.uint8),
+        *(torch.randint(-60, 60, (2, level.cells, level.channels), dtype=torch.int8) for level in LEVELS),
+        torch.eye(len(tuned.categories))[:2],
+    )
     with torch.no_grad():
-        reference = whole(images, category)
+        reference = whole(*example)
     data = io.BytesIO()
     torch.onnx.export(
         whole,
-        (images, category),
+        example,
         data,  # type: ignore[arg-type]
-        input_names=["images", "category"],
+        input_names=list(INPUTS),
         output_names=list(OUTPUTS),
-        dynamic_axes={name: {0: "n"} for name in ("images", "category", *OUTPUTS)},
+        dynamic_axes={name: {0: "n"} for name in (*INPUTS, *OUTPUTS)},
         opset_version=17,
         dynamo=False,
     )
     model = onnx.load_from_string(data.getvalue())
+    _halve(model)
+    for key, value in {"categories": json.dumps(tuned.categories), **(told or {})}.items():
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, value
+    onnx.checker.check_model(model)
+    blob = model.SerializeToString()
+    _same(blob, dict(zip(INPUTS, example, strict=True)), reference)
+    write_atomic(path, blob)
+
+
+def _halve(model: "onnx.ModelProto") -> None:  # type: ignore[name-defined]  # noqa: F821, UP037
+    """Keep weights in half precision, cast when the file is loaded."""
+    import onnx
+    from onnx import numpy_helper
+
     casts = []
     for initializer in model.graph.initializer:
         array = numpy_helper.to_array(initializer)
         if array.dtype == np.float32 and array.size > 64:
             name = initializer.name
-            half = numpy_helper.from_array(array.astype(np.float16), name + "_half")
-            initializer.CopyFrom(half)
+            initializer.CopyFrom(numpy_helper.from_array(array.astype(np.float16), name + "_half"))
             casts.append(onnx.helper.make_node("Cast", [name + "_half"], [name], to=onnx.TensorProto.FLOAT))
     nodes = [*casts, *model.graph.node]
     del model.graph.node[:]
     model.graph.node.extend(nodes)
-    for key, value in {"categories": json.dumps(network.categories), **(told or {})}.items():
-        entry = model.metadata_props.add()
-        entry.key, entry.value = key, value
-    onnx.checker.check_model(model)
-    blob = model.SerializeToString()
-    _same(blob, images, category, reference)
-    write_atomic(path, blob)
 
 
-def _same(blob: bytes, images: Tensor, category: Tensor, reference: tuple[Tensor, ...]) -> None:
+def _same(blob: bytes, inputs: dict[str, Tensor], reference: tuple[Tensor, ...]) -> None:
     import onnxruntime
 
     session = onnxruntime.InferenceSession(blob, providers=["CPUExecutionProvider"])
-    answers = session.run(list(OUTPUTS), {"images": images.numpy(), "category": category.numpy()})
+    answers = session.run(list(OUTPUTS), {name: value.numpy() for name, value in inputs.items()})
     for name, answer, expected in zip(OUTPUTS, answers, reference, strict=True):
         apart = float(np.abs(answer - expected.numpy()).max())
         # Half precision keeps three digits.

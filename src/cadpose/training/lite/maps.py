@@ -10,7 +10,6 @@ import io
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -112,9 +111,14 @@ def _one_thread() -> None:
     cv2.setNumThreads(1)
 
 
-@lru_cache(maxsize=1)
+#: The process's generator and what it draws from.
+_KEPT: list[tuple[Source, SynthGenerator]] = []
+
+
 def _generator(source: Source) -> SynthGenerator:
-    return source.generator()
+    if not _KEPT or _KEPT[0][0] != source:
+        _KEPT[:] = [(source, source.generator())]
+    return _KEPT[0][1]
 
 
 def _draw(
@@ -127,9 +131,7 @@ def _draw(
     parts = []
     for _ in range(crops_each):
         targets = Targets(found.angles, found.turns)
-        images, changed = crops(
-            found.photos, found.boxes, found.visible_boxes, targets, augmentation, seeded
-        )
+        images, changed = crops(found.photos, found.boxes, found.visible_boxes, targets, augmentation, seeded)
         pixels = np.ascontiguousarray(images.round().to(torch.uint8).permute(0, 2, 3, 1).numpy())
         described = describe(lite0("cpu", 1), pixels)
         parts.append(

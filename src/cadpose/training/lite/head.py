@@ -1,0 +1,237 @@
+"""A head on the frozen encoder's maps: what ImageNet taught the encoder about real photos stays as it is."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+
+from cadpose.rotation.bins import BINS
+from cadpose.rotation.features import LEVELS, STEPS
+from cadpose.training.lite.maps import Maps
+from cadpose.training.lite.objective import Targets, contrast, pose_loss
+from cadpose.training.lite.validate import decoded, modulo, summary
+
+
+class MapHead(nn.Module):
+    """Maps at stride 16 and 32 and a category to logits and offsets, as :class:`LitePose` answers.
+
+    Args:
+        categories: Names in the order of the category input.
+    """
+
+    def __init__(self, categories: Sequence[str]) -> None:
+        super().__init__()
+        self.categories = tuple(categories)
+        fine, coarse = LEVELS
+        self.fine = nn.Sequential(
+            _conv(fine.channels, 96, 1), nn.Dropout2d(0.05), _conv(96, 128, 3, stride=2)
+        )
+        self.coarse = nn.Sequential(_conv(coarse.channels, 128, 1), nn.Dropout2d(0.05))
+        self.both = nn.Sequential(_conv(256, 160, 1), _conv(160, 160, 3))
+        self.place = _conv(160, 40, 1)
+        self.category = nn.Linear(len(self.categories), 32)
+        self.compress = nn.Sequential(
+            nn.Linear(160 + 40 * coarse.cells + 32, 512), nn.BatchNorm1d(512), nn.ReLU(), nn.Dropout(0.2),
+            nn.Linear(512, 256), nn.BatchNorm1d(256), nn.ReLU(),
+        )  # fmt: skip
+        self.heads = nn.ModuleList([nn.Linear(256, 2 * bins) for bins in BINS])
+
+    def forward(
+        self, fine: Tensor, coarse: Tensor, category: Tensor
+    ) -> tuple[list[Tensor], list[Tensor], Tensor]:
+        """Logits, offsets and features.
+
+        Args:
+            fine: (N, 196, 112) int8 cells of the stride-16 map, see ``rotation.features.describe``.
+            coarse: (N, 49, 192) int8 cells of the stride-32 map.
+            category: (N, C) one-hot; zeros for an unknown category.
+        """
+        maps = [
+            (cells.float() / STEPS).transpose(1, 2).unflatten(2, (level.side, level.side))
+            for cells, level in zip((fine, coarse), LEVELS, strict=True)
+        ]
+        x = self.both(torch.cat([self.fine(maps[0]), self.coarse(maps[1])], dim=1))
+        features = x.mean(dim=(2, 3))
+        told = functional.relu(self.category(category))
+        hidden = self.compress(torch.cat([features, self.place(x).flatten(1), told], dim=1))
+        out = [head(hidden) for head in self.heads]
+        logits = [o[:, :n] for o, n in zip(out, BINS, strict=True)]
+        offsets = [o[:, n:] for o, n in zip(out, BINS, strict=True)]
+        return logits, offsets, features
+
+
+def _conv(into: int, out: int, side: int, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(into, out, side, stride=stride, padding=side // 2, bias=False),
+        nn.BatchNorm2d(out),
+        nn.ReLU(),
+    )
+
+
+@dataclass(frozen=True)
+class HeadRecipe:
+    """How to train the head.
+
+    Attributes:
+        epochs: Times that every kept crop is seen.
+        batch: Objects a step, each in both of its crops.
+        rate: Learning rate at its peak.
+        decay: Weight decay.
+        warmup: Steps until the peak.
+        ema: Decay of the weights' moving average.
+        contrast: Weight of the contrastive loss.
+        unknown: Chance that the category is not told.
+        seed: Of weights and batches.
+        seconds: Stop by then, the learning rate falling by the clock; None sees all epochs.
+    """
+
+    epochs: int = 8
+    batch: int = 128
+    rate: float = 2e-3
+    decay: float = 0.05
+    warmup: int = 200
+    ema: float = 0.998
+    contrast: float = 0.5
+    unknown: float = 0.2
+    seed: int = 0
+    seconds: float | None = None
+
+
+def train_head(
+    shards: Sequence[Path],
+    categories: Sequence[str],
+    recipe: HeadRecipe,
+    *,
+    unseen: Maps | None = None,
+    device: str = "cpu",
+    on_step: Callable[[int, dict[str, float]], None] = lambda _step, _row: None,
+) -> MapHead:
+    """Train on shards of two crops an object, and return the averaged head."""
+    torch.manual_seed(recipe.seed)
+    where = torch.device(device)
+    data, first, second = _pairs(shards)
+    model = MapHead(categories).to(where)
+    average = AveragedModel(
+        model,
+        multi_avg_fn=get_ema_multi_avg_fn(recipe.ema),  # type: ignore[no-untyped-call]
+        use_buffers=True,
+    )
+    optimiser = torch.optim.AdamW(model.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
+    rng = np.random.default_rng(recipe.seed)
+    generator = torch.Generator(where).manual_seed(recipe.seed)
+    steps = recipe.epochs * max(1, len(first) // recipe.batch)
+    start, step = time.monotonic(), 0
+    model.train()
+    while step < steps:
+        order = rng.permutation(len(first))
+        for at in range(0, len(order) - recipe.batch + 1, recipe.batch):
+            share = step / steps
+            if recipe.seconds is not None:
+                share = max(share, (time.monotonic() - start) / recipe.seconds)
+            if share >= 1.0:
+                break
+            for group in optimiser.param_groups:
+                group["lr"] = (
+                    recipe.rate * min(1.0, (step + 1) / recipe.warmup) * 0.5 * (1 + math.cos(math.pi * share))
+                )
+            chosen = order[at : at + recipe.batch]
+            loss = _loss(model, data, first[chosen], second[chosen], recipe, generator, where)
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
+            torch.nn.utils.clip_grad_norm_(model.parameters(), 5.0)
+            optimiser.step()
+            average.update_parameters(model)
+            step += 1
+            if step % 100 == 0:
+                on_step(step, {"loss": float(loss), "seconds": round(time.monotonic() - start, 1)})
+        else:
+            if unseen is not None:
+                on_step(step, summary(*head_errors(average.module, unseen), categories))
+            continue
+        break
+    trained = average.module.eval()
+    assert isinstance(trained, MapHead)
+    return trained.cpu()
+
+
+def _pairs(shards: Sequence[Path]) -> tuple[Maps, np.ndarray, np.ndarray]:
+    """All crops, and the numbers of the first and second crop of each object."""
+    parts, first, second, at = [], [], [], 0
+    for path in shards:
+        part = Maps.from_file(path)
+        half = len(part) // 2
+        first.append(np.arange(at, at + half))
+        second.append(np.arange(at + half, at + 2 * half))
+        at += len(part)
+        parts.append(part)
+    return Maps.joined(parts), np.concatenate(first), np.concatenate(second)
+
+
+def _loss(
+    model: MapHead,
+    data: Maps,
+    first: np.ndarray,
+    second: np.ndarray,
+    recipe: HeadRecipe,
+    generator: torch.Generator,
+    where: torch.device,
+) -> Tensor:
+    both = np.concatenate([first, second])
+    cells = [torch.from_numpy(c[both]).to(where) for c in data.cells]
+    targets = Targets(
+        torch.from_numpy(data.angles[both]).to(where), torch.from_numpy(data.turns[both]).to(where)
+    )
+    one_hot = functional.one_hot(
+        torch.from_numpy(data.category[both]).to(where), len(model.categories)
+    ).float()
+    keep = torch.rand(len(both), generator=generator, device=where) >= recipe.unknown
+    logits, offsets, features = model(cells[0], cells[1], one_hot * keep.float()[:, None])
+    n = len(first)
+    a, b = targets.angles[:n], targets.angles[n:]
+    alike = ((a - b).abs().amax(dim=1) < 15.0).nonzero()[:, 0]
+    near = contrast(features[:n][alike], features[n:][alike], Targets(a[alike], targets.turns[:n][alike]))
+    return pose_loss(logits, offsets, targets) + recipe.contrast * near
+
+
+@torch.no_grad()
+def head_errors(model: nn.Module, unseen: Maps, batch: int = 256) -> tuple[Tensor, Tensor]:
+    """(M,) errors in degrees modulo symmetry about the upright axis, and (M,) category numbers."""
+    was_training = model.training
+    model.eval()
+    where = next(model.parameters()).device
+    found = []
+    for at in range(0, len(unseen), batch):
+        rows = slice(at, at + batch)
+        cells = [torch.from_numpy(c[rows]).to(where) for c in unseen.cells]
+        category = torch.from_numpy(unseen.category[rows]).to(where)
+        one_hot = functional.one_hot(category, model.category.in_features).float()  # type: ignore[union-attr, arg-type]
+        logits, offsets, _ = model(cells[0], cells[1], one_hot)
+        targets = Targets(
+            torch.from_numpy(unseen.angles[rows]).to(where), torch.from_numpy(unseen.turns[rows]).to(where)
+        )
+        found.append(modulo(decoded(logits, offsets), targets).cpu())
+    model.train(was_training)
+    return torch.cat(found), torch.from_numpy(unseen.category)
+
+
+def save_head(model: MapHead, path: Path) -> None:
+    """Write the weights; :func:`load_head` reads them."""
+    torch.save({"categories": json.dumps(model.categories), "state": model.state_dict()}, path)
+
+
+def load_head(path: Path) -> MapHead:
+    """What :func:`save_head` wrote."""
+    told = torch.load(path, map_location="cpu", weights_only=True)
+    model = MapHead(json.loads(told["categories"]))
+    model.load_state_dict(told["state"])
+    return model.eval()
