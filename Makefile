@@ -1,5 +1,5 @@
 # make demo   sets everything up and annotates real photographs
-# make test   lint, types and every test
+# make test   lint, types and every test; those of training need PyTorch, see docs/dependencies.md
 # make blender  the optional Blender renderer (GPL-3) in a virtualenv of its own; its tests run when it is there
 # The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
 
@@ -48,7 +48,7 @@ $(VENV)/.demo: pyproject.toml | $(BIN)/python
 	@touch $@
 
 $(VENV)/.test: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install -q -e '.[test,demo]'
+	$(BIN)/python -m pip install -q -e '.[test,demo,train]'
 	@touch $@ $(VENV)/.demo
 
 clean:

