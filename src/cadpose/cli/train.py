@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from cadpose.cli.options import Device, Json, Seed
+from cadpose.cli.options import Device, Json, LibraryFolder, Seed
 from cadpose.cli.output import print_json, print_table, progress_bar
 
-app = typer.Typer(help="Train networks on labelled photographs.", no_args_is_help=True)
+app = typer.Typer(help="Train networks on labelled photographs, or on drawn ones.", no_args_is_help=True)
 
 
 def _known_architecture(name: str) -> str:
@@ -21,14 +21,38 @@ def _known_architecture(name: str) -> str:
     return name
 
 
-_Arch = Annotated[str, typer.Option("--arch", callback=_known_architecture, help="Network: posecontrast.")]
+_Arch = Annotated[
+    str,
+    typer.Option("--arch", callback=_known_architecture, help="Network: posecontrast, lite0 or lite0-head."),
+]
+
+
+def _only_its_own(arch: str, given: dict[str, Any]) -> None:
+    """Refuse options that the architecture does not take; ``given`` is by name of the option."""
+    from cadpose.training.architectures import TAKES
+
+    for name, value in given.items():
+        if value is not None and name not in TAKES[arch]:
+            flag = {"validation": "--val", "batch_size": "--batch"}.get(name, f"--{name}")
+            raise typer.BadParameter(f"{flag} means nothing to {arch}")
+    if "data" in TAKES[arch] and given["data"] is None:
+        raise typer.BadParameter(f"{arch} is trained on labelled photos: name them with --data")
 
 
 @app.command("rotation")
 def rotation(
-    data: Annotated[Path, typer.Option("--data", help="Label file: photo, box, category, azimuth ...")],
     out: Annotated[Path, typer.Option("--out", help="Folder for checkpoint, curves and network.")],
+    data: Annotated[
+        Path | None, typer.Option("--data", help="Label file: photo, box, category, azimuth ...")
+    ] = None,
     arch: _Arch = "posecontrast",
+    library: LibraryFolder = None,
+    backgrounds: Annotated[
+        Path | None,
+        typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
+    ] = None,
+    photos: Annotated[int | None, typer.Option("--photos", min=1, help="Photos to draw.")] = None,
+    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Optimiser steps.")] = None,
     validation: Annotated[
         Path | None, typer.Option("--val", help="Label file to measure on after every epoch.")
     ] = None,
@@ -36,26 +60,37 @@ def rotation(
         str | None, typer.Option("--init", help="Weights to start from: moco, random or a file.")
     ] = None,
     epochs: Annotated[int | None, typer.Option("--epochs", min=1, help="Passes over the data.")] = None,
-    batch: Annotated[int | None, typer.Option("--batch", min=2, help="Photos a step.")] = None,
+    batch: Annotated[int | None, typer.Option("--batch", min=2, help="Photos or objects a step.")] = None,
     workers: Annotated[
-        int, typer.Option("--workers", min=0, help="Threads that read photos; 0: one a core.")
+        int,
+        typer.Option(
+            "--workers", min=0, help="Threads that read photos, or processes that draw; 0: one a core."
+        ),
     ] = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in --out.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the training in --out.")] = False,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
-    """Train a network that tells the rotation, and export it as ONNX."""
+    """Train a network that tells the rotation."""
     from cadpose.training.architectures import TrainingOptions, architecture
 
+    own: dict[str, Any] = {
+        "data": data,
+        "validation": validation,
+        "init": init,
+        "epochs": epochs,
+        "batch_size": batch,
+        "library": library,
+        "backgrounds": backgrounds,
+        "photos": photos,
+        "steps": steps,
+    }
+    _only_its_own(arch, own)
     trainer = architecture(arch)
     options = TrainingOptions(
-        data=data,
         out=out,
-        validation=validation,
-        init=init,
-        epochs=epochs,
-        batch_size=batch,
+        **own,
         device=device,
         seed=seed,
         resume=resume,
@@ -87,12 +122,15 @@ def export(
     weights: Annotated[str, typer.Argument(help="A checkpoint, or a known name: posecontrast-pascal3d.")],
     out: Annotated[Path, typer.Option("--out", help="ONNX file to write.")],
     arch: _Arch = "posecontrast",
+    head: Annotated[
+        Path | None, typer.Option("--head", help="head.pt of lite0-head, the second member of lite0.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Export a trained checkpoint, yours or its authors', as ONNX."""
     from cadpose.training.architectures import architecture
 
-    difference = architecture(arch).export(weights, out)
+    difference = architecture(arch).export(weights, out, head)
     if json:
         print_json({"network": str(out), "export_difference": difference})
     else:

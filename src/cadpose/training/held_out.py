@@ -107,8 +107,14 @@ def near_duplicates(library: Library, category: str, held_out: Sequence[str]) ->
     return [m.id for m, distance in zip(others, nearest, strict=True) if distance <= NEAR_DUPLICATE]
 
 
-def read_held_out(path: Path = DATA / "held-out.json") -> Mapping[str, frozenset[str]]:
+def read_held_out(
+    path: Path = DATA / "held-out.json", lookalikes: bool = True
+) -> Mapping[str, frozenset[str]]:
     """By category, the ids of all models that training must not draw.
+
+    Args:
+        path: The list.
+        lookalikes: With the models of other sources that look like a held-out one.
 
     Raises:
         InputError: the file is not what `scripts/choose_held_out.py` writes.
@@ -116,7 +122,9 @@ def read_held_out(path: Path = DATA / "held-out.json") -> Mapping[str, frozenset
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
         return {
-            str(category): frozenset(map(str, [*entry["held_out"], *entry["lookalikes"]]))
+            str(category): frozenset(
+                map(str, [*entry["held_out"], *(entry["lookalikes"] if lookalikes else ())])
+            )
             for category, entry in told["categories"].items()
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

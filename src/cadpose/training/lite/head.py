@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,11 +17,16 @@ from torch import Tensor, nn
 from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
+from cadpose.errors import InputError
+from cadpose.library.storage import write_atomic
 from cadpose.rotation.bins import BINS
 from cadpose.rotation.features import LEVELS, STEPS
+from cadpose.training.lite.curves import Curves
 from cadpose.training.lite.maps import Maps
 from cadpose.training.lite.objective import Targets, contrast, pose_loss
 from cadpose.training.lite.validate import decoded, modulo, summary
+
+CHECKPOINT = "checkpoint.pt"
 
 
 class MapHead(nn.Module):
@@ -57,7 +64,7 @@ class MapHead(nn.Module):
             category: (N, C) one-hot; zeros for an unknown category.
         """
         maps = [
-            (cells.float() / STEPS).transpose(1, 2).unflatten(2, (level.side, level.side))
+            (cells.float() / STEPS).transpose(1, 2).reshape(-1, level.channels, level.side, level.side)
             for cells, level in zip((fine, coarse), LEVELS, strict=True)
         ]
         x = self.both(torch.cat([self.fine(maps[0]), self.coarse(maps[1])], dim=1))
@@ -114,12 +121,31 @@ def train_head(
     *,
     unseen: Maps | None = None,
     device: str = "cpu",
+    out: Path | None = None,
+    resume: bool = False,
     on_step: Callable[[int, dict[str, float]], None] = lambda _step, _row: None,
 ) -> MapHead:
-    """Train on shards of two crops an object, and return the averaged head."""
-    torch.manual_seed(recipe.seed)
+    """Train on shards of two crops an object, and return the averaged head.
+
+    Args:
+        shards: Files of :func:`~cadpose.training.lite.maps.draw_shards`; all are held in memory.
+        categories: Names in the order of the category numbers.
+        recipe: How.
+        unseen: Crops to measure on after every epoch.
+        device: Of torch.
+        out: Folder for a checkpoint after every epoch and the curves; none are kept if None.
+        resume: Go on from the checkpoint in ``out``, to the same end as without the pause.
+        on_step: Called now and then with the step and a row of the curves.
+
+    Raises:
+        InputError: no object was drawn, or the checkpoint is of another training.
+    """
     where = torch.device(device)
     data, first, second = _pairs(shards)
+    if not len(first):
+        raise InputError("no object worth learning from was drawn: draw more photos")
+    batch = min(recipe.batch, len(first))
+    torch.manual_seed(recipe.seed)
     model = MapHead(categories).to(where)
     average = AveragedModel(
         model,
@@ -127,24 +153,39 @@ def train_head(
         use_buffers=True,
     )
     optimiser = torch.optim.AdamW(model.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
-    rng = np.random.default_rng(recipe.seed)
-    generator = torch.Generator(where).manual_seed(recipe.seed)
-    steps = recipe.epochs * max(1, len(first) // recipe.batch)
-    start, step = time.monotonic(), 0
+    told = json.dumps({"categories": list(categories), "recipe": asdict(recipe), "objects": len(first)})
+    an_epoch = len(first) // batch
+    steps = recipe.epochs * an_epoch
+    step = 0
+    if resume and out is not None and (out / CHECKPOINT).is_file():
+        step = _restore(out / CHECKPOINT, told, model, average, optimiser)
+    curves = Curves(out, step) if out is not None else None
+
+    def report(row: dict[str, Any]) -> None:
+        if curves is not None:
+            curves.add({"step": step, **row})
+        on_step(step, row)
+
+    generator = torch.Generator(where)
+    start, stopped = time.monotonic(), False
     model.train()
-    while step < steps:
-        order = rng.permutation(len(first))
-        for at in range(0, len(order) - recipe.batch + 1, recipe.batch):
+    while step < steps and not stopped:
+        epoch = step // an_epoch
+        # Each epoch's chances begin anew, so that a training that goes on ends as one without a pause.
+        rng = np.random.default_rng((recipe.seed, epoch))
+        generator.manual_seed(recipe.seed * 1_000_003 + epoch)
+        torch.manual_seed(recipe.seed * 1_000_003 + epoch)
+        for chosen in rng.permutation(len(first))[: an_epoch * batch].reshape(an_epoch, batch):
             share = step / steps
             if recipe.seconds is not None:
                 share = max(share, (time.monotonic() - start) / recipe.seconds)
             if share >= 1.0:
+                stopped = True
                 break
             for group in optimiser.param_groups:
                 group["lr"] = (
                     recipe.rate * min(1.0, (step + 1) / recipe.warmup) * 0.5 * (1 + math.cos(math.pi * share))
                 )
-            chosen = order[at : at + recipe.batch]
             loss = _loss(model, data, first[chosen], second[chosen], recipe, generator, where)
             optimiser.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
@@ -152,16 +193,47 @@ def train_head(
             optimiser.step()
             average.update_parameters(model)
             step += 1
-            if step % 100 == 0:
-                on_step(step, {"loss": float(loss), "seconds": round(time.monotonic() - start, 1)})
-        else:
-            if unseen is not None:
-                on_step(step, summary(*head_errors(average.module, unseen), categories))
-            continue
-        break
+            if step % 100 == 0 or step == steps:
+                seconds = round(time.monotonic() - start, 1)
+                report({"loss": float(loss.detach()), "seconds": seconds, "steps": steps})
+        if unseen is not None and len(unseen):
+            report({"unseen": True, **summary(*head_errors(average.module, unseen), categories)})
+        if out is not None and not stopped:
+            _checkpoint(out / CHECKPOINT, told, step, model, average, optimiser)
     trained = average.module.eval()
     assert isinstance(trained, MapHead)
     return trained.cpu()
+
+
+def _checkpoint(
+    path: Path,
+    told: str,
+    step: int,
+    model: MapHead,
+    average: AveragedModel,
+    optimiser: torch.optim.Optimizer,
+) -> None:
+    data = io.BytesIO()
+    state = {"told": told, "step": step, "model": model.state_dict(), "average": average.state_dict()}
+    torch.save(state | {"optimiser": optimiser.state_dict()}, data)
+    write_atomic(path, data.getvalue())
+
+
+def _restore(
+    path: Path, told: str, model: MapHead, average: AveragedModel, optimiser: torch.optim.Optimizer
+) -> int:
+    """Set everything as it was; the steps that are done."""
+    try:
+        state = torch.load(path, map_location=next(model.parameters()).device, weights_only=True)
+        was, step = state["told"], int(state["step"])
+    except Exception as error:  # a damaged archive raises nearly anything
+        raise InputError(f"{path} is no checkpoint of a head ({error})") from error
+    if was != told:
+        raise InputError(f"{path} was made with another recipe or other photos: name another folder")
+    model.load_state_dict(state["model"])
+    average.load_state_dict(state["average"])
+    optimiser.load_state_dict(state["optimiser"])
+    return step
 
 
 def _pairs(shards: Sequence[Path]) -> tuple[Maps, np.ndarray, np.ndarray]:
@@ -226,12 +298,21 @@ def head_errors(model: nn.Module, unseen: Maps, batch: int = 256) -> tuple[Tenso
 
 def save_head(model: MapHead, path: Path) -> None:
     """Write the weights; :func:`load_head` reads them."""
-    torch.save({"categories": json.dumps(model.categories), "state": model.state_dict()}, path)
+    data = io.BytesIO()
+    torch.save({"categories": json.dumps(model.categories), "state": model.state_dict()}, data)
+    write_atomic(path, data.getvalue())
 
 
 def load_head(path: Path) -> MapHead:
-    """What :func:`save_head` wrote."""
-    told = torch.load(path, map_location="cpu", weights_only=True)
-    model = MapHead(json.loads(told["categories"]))
-    model.load_state_dict(told["state"])
+    """What :func:`save_head` wrote.
+
+    Raises:
+        InputError: the file holds something else.
+    """
+    try:
+        told = torch.load(path, map_location="cpu", weights_only=True)
+        model = MapHead(json.loads(told["categories"]))
+        model.load_state_dict(told["state"])
+    except Exception as error:  # a damaged archive raises nearly anything
+        raise InputError(f"{path} holds no head ({error})") from error
     return model.eval()

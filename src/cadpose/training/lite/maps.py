@@ -9,8 +9,10 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import cv2
 import numpy as np
@@ -18,6 +20,7 @@ import torch
 from numpy.typing import NDArray
 
 from cadpose.encoder import lite0
+from cadpose.errors import CadposeError, InputError
 from cadpose.library.storage import write_atomic
 from cadpose.rotation.features import LEVELS, describe
 from cadpose.training.lite.augment import Augmentation, crops
@@ -59,10 +62,23 @@ class Maps:
 
     @classmethod
     def from_file(cls, path: Path) -> Maps:
-        """What :meth:`to_bytes` wrote."""
-        with np.load(path, allow_pickle=False) as data:
-            cells = tuple(data[f"cells{i}"] for i in range(len(LEVELS)))
-            return cls(cells, data["angles"], data["turns"], data["category"])
+        """What :meth:`to_bytes` wrote.
+
+        Raises:
+            InputError: the file holds something else.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                cells = tuple(data[f"cells{i}"] for i in range(len(LEVELS)))
+                return cls(cells, data["angles"], data["turns"], data["category"])
+        except (OSError, ValueError, KeyError, BadZipFile) as error:
+            raise InputError(f"{path} is no shard of described crops ({error}): delete it") from error
+
+    @classmethod
+    def empty(cls) -> Maps:
+        """No crops."""
+        cells = tuple(np.empty((0, level.cells, level.channels), np.int8) for level in LEVELS)
+        return cls(cells, np.empty((0, 3), np.float32), np.empty(0, np.int64), np.empty(0, np.int64))
 
     @classmethod
     def joined(cls, parts: Sequence[Maps]) -> Maps:
@@ -89,6 +105,9 @@ def draw_shards(
     """Draw those shards that are not there yet; yields the path of each.
 
     A shard depends on the source, its number and the options alone, so a killed run goes on where it was.
+
+    Raises:
+        CadposeError: a drawing process was killed.
     """
     folder.mkdir(parents=True, exist_ok=True)
     todo = [(k, folder / f"{k:06d}.npz") for k in shards]
@@ -96,7 +115,8 @@ def draw_shards(
     yield from (path for k, path in todo if path.is_file())
     # Forked workers share what the parent has loaded; one core each.
     cv2.setNumThreads(1)
-    with ProcessPoolExecutor(max(1, workers), initializer=_one_thread) as pool:
+    pool = ProcessPoolExecutor(max(1, workers), initializer=_one_thread)
+    try:
         jobs = [
             pool.submit(_draw, source, k, path, augmentation, crops_each, main_only) for k, path in missing
         ]
@@ -104,6 +124,13 @@ def draw_shards(
             path = job.result()
             on_done(path)
             yield path
+    except BrokenProcessPool as error:
+        raise CadposeError(
+            "a process that draws photos was killed, perhaps for want of memory: go on with fewer workers"
+        ) from error
+    finally:
+        # Who stops listening does not wait for a thousand shards.
+        pool.shutdown(cancel_futures=True)
 
 
 def _one_thread() -> None:
@@ -126,7 +153,9 @@ def _draw(
 ) -> Path:
     generator = _generator(source)
     found = objects(generator, range(shard * SHARD, (shard + 1) * SHARD), source.categories, main_only)
-    assert found is not None
+    if found is None:
+        write_atomic(path, Maps.empty().to_bytes())
+        return path
     seeded = torch.Generator().manual_seed(source.seed * 1_000_003 + shard)
     parts = []
     for _ in range(crops_each):

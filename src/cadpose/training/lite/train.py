@@ -24,13 +24,13 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from cadpose.errors import CadposeError
 from cadpose.library.storage import write_atomic
 from cadpose.training.lite.augment import Augmentation, crops
+from cadpose.training.lite.curves import Curves
 from cadpose.training.lite.network import LitePose, normalised
 from cadpose.training.lite.objective import Targets, contrast, pose_loss
 from cadpose.training.lite.stream import Objects, ObjectStream, Source, loader
 from cadpose.training.lite.validate import errors, summary
 
 CHECKPOINT = "checkpoint.pt"
-CURVES = "curves.jsonl"
 
 
 @dataclass(frozen=True)
@@ -138,11 +138,12 @@ def train(
     peaks = [group["lr"] for group in optimiser.param_groups]
     generator = torch.Generator(where).manual_seed(recipe.seed)
     out.mkdir(parents=True, exist_ok=True)
-    told = {"backbone": backbone, "categories": source.categories, "recipe": _plain(recipe)}
+    told = {"backbone": backbone, "categories": source.categories, "recipe": plain(recipe)}
     step, photos = 0, 0
     if resume and (out / CHECKPOINT).is_file():
         step, photos = _load(out / CHECKPOINT, told, model, average, optimiser, where)
         generator.manual_seed(recipe.seed + step)
+    curves, begun = Curves(out, step), step
     stream_of = ObjectStream(source, first=photos)
     stream = loader(stream_of, recipe.workers, pin=where.type == "cuda")
     # Drawn here, while the workers begin.
@@ -153,7 +154,7 @@ def train(
     chunk_photos, waited = 0, 0.0
     while step < recipe.steps:
         before = time.monotonic()
-        chunk_photos += _fill(buffer, stream, recipe, step, stream_of.chunk)
+        chunk_photos += _fill(buffer, stream, recipe, step - begun, stream_of.chunk)
         waited += time.monotonic() - before
         share = step / recipe.steps
         if recipe.seconds is not None:
@@ -168,22 +169,22 @@ def train(
         if step % 50 == 0:
             row = {"step": step, "entered": buffer.entered, "seconds": round(time.monotonic() - start, 1)}
             row |= {"waited": round(waited, 1)} | {name: float(value) for name, value in losses.items()}
-            _log(out, row)
+            curves.add(row)
             on_step(step, row)
-        if step % recipe.validate_every == 0:
+        if step % recipe.validate_every == 0 and step < recipe.steps:
             _checkpoint(out, told, model, average, optimiser, step, photos + chunk_photos)
             if unseen:
-                _report(out, average.module, unseen, where, step, on_step)
+                _report(curves, average.module, unseen, where, step, on_step)
     _checkpoint(out, told, model, average, optimiser, step, photos + chunk_photos)
     if unseen:
-        _report(out, average.module, unseen, where, step, on_step)
+        _report(curves, average.module, unseen, where, step, on_step)
     trained = average.module.eval()
     assert isinstance(trained, LitePose)
     return trained
 
 
 def _fill(buffer: Buffer, stream: Iterator[Objects], recipe: Recipe, step: int, chunk: int) -> int:
-    """Let in what is due by now, at least a batch; returns the number of photos."""
+    """Let in what is due after ``step`` steps of this run, at least a batch; returns the number of photos."""
     due = max(recipe.batch * 4, (step + 1) * recipe.fresh)
     photos = 0
     while buffer.entered < due:
@@ -232,7 +233,7 @@ def _validation(source: Source | None, photos: int) -> list[Objects]:
 
 
 def _report(
-    out: Path,
+    curves: Curves,
     model: Any,
     unseen: list[Objects],
     where: torch.device,
@@ -240,20 +241,16 @@ def _report(
     on_step: Callable[[int, dict[str, float]], None],
 ) -> None:
     row = {"step": step, "unseen": True, **summary(*errors(model, unseen, where), model.categories)}
-    _log(out, row)
+    curves.add(row)
     on_step(step, row)
 
 
-def _log(out: Path, row: dict[str, Any]) -> None:
-    with (out / CURVES).open("a", encoding="utf-8") as file:
-        file.write(json.dumps(row) + "\n")
-
-
-def _plain(recipe: Recipe) -> dict[str, Any]:
-    plain = asdict(recipe)
+def plain(recipe: Recipe) -> dict[str, Any]:
+    """What must be the same when a training goes on."""
+    told = asdict(recipe)
     for name in ("seconds", "workers", "validate_every"):
-        plain.pop(name)
-    return plain
+        told.pop(name)
+    return told
 
 
 def _checkpoint(

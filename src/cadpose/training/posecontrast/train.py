@@ -22,7 +22,7 @@ import torch
 from torch import Tensor
 
 from cadpose.datasets.labels import Label
-from cadpose.errors import DependencyError, InputError
+from cadpose.errors import InputError
 from cadpose.evaluation.rotation import rotation_result, rotation_table
 from cadpose.geometry.angles import geodesic_degrees, rotation_from_angles
 from cadpose.geometry.frames import FloatArray
@@ -30,6 +30,7 @@ from cadpose.library.storage import write_atomic
 from cadpose.records import Rotation
 from cadpose.rotation.bins import angles_from_labels, decode
 from cadpose.training.architectures import OnStep, TrainingOptions, TrainingReport
+from cadpose.training.devices import torch_device
 from cadpose.training.losses import TEMPERATURE, angle_loss, pose_aware_nce
 from cadpose.training.posecontrast.data import (
     Batch,
@@ -107,6 +108,8 @@ def train(options: TrainingOptions, on_step: OnStep, recipe: Recipe | None = Non
     """
     recipe = recipe or RECIPE
     device = _device(options.device)
+    if options.data is None:
+        raise InputError("PoseContrast is trained on labelled photos: name a label file")
     labels = training_labels(options.data)
     measured = validation_labels(options.validation) if options.validation else []
     batch_size = min(options.batch_size or recipe.batch_size, len(labels))
@@ -155,13 +158,14 @@ def train(options: TrainingOptions, on_step: OnStep, recipe: Recipe | None = Non
     return TrainingReport(exported, file, curves, rows, table, difference)
 
 
-def export(weights: str, path: Path) -> float:
+def export(weights: str, path: Path, head: Path | None = None) -> float:
     """Write the network of a checkpoint as ONNX.
 
     Args:
         weights: The path of a checkpoint of cadpose or of the method's authors, or a key of
             :data:`cadpose.training.posecontrast.loading.CHECKPOINTS`.
         path: ONNX file to write.
+        head: Must be None; this network has one member.
 
     Returns:
         The largest difference between the exported network and torch's.
@@ -170,6 +174,8 @@ def export(weights: str, path: Path) -> float:
         InputError: the checkpoint cannot be used, or holds no heads.
         DependencyError: a named checkpoint is not there.
     """
+    if head is not None:
+        raise InputError(f"{head}: PoseContrast is one network, leave out --head")
     recipe = RECIPE
     if weights not in CHECKPOINTS:
         settings = read_checkpoint(Path(weights)).get("settings")
@@ -310,9 +316,8 @@ def _restore(
 
 
 def _device(name: str) -> torch.device:
-    if name == "cuda" and not torch.cuda.is_available():
-        raise DependencyError("--device cuda needs a GPU and a build of torch for CUDA; neither is seen here")
+    device = torch_device(name)
     # The same seed gives the same curves, as far as cuDNN goes.
     torch.backends.cudnn.deterministic = True
     torch.backends.cudnn.benchmark = False
-    return torch.device(name)
+    return device
