@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from cadpose.library.catalogue import Library
 from tests.cli.invoking import cadpose, one_sentence, said
 
 
@@ -81,6 +82,55 @@ def test_wrong_usage(tmp_path: Path) -> None:
     for wrong in (["--arch", "vgg"], ["--epochs", 0], ["--batch", 1], ["--device", "tpu"]):
         assert cadpose(*told, *wrong).exit_code == 2
     assert cadpose("train", "rotation").exit_code == 2
+    bare = ["train", "rotation", "--out", tmp_path / "out"]
+    for wrong, words in (
+        ([], "--data"),
+        (["--data", "a.json", "--steps", 3], "--steps means nothing to posecontrast"),
+        (["--arch", "lite0", "--data", "a.json"], "--data means nothing to lite0"),
+        (["--arch", "lite0", "--photos", 3], "--photos means nothing to lite0"),
+        (["--arch", "lite0-head", "--val", "a.json"], "--val means nothing to lite0-head"),
+    ):
+        result = cadpose(*bare, *wrong)
+        assert result.exit_code == 2 and words in " ".join(result.stderr.replace("│", " ").split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_head_from_a_library(
+    small_library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch")
+    from cadpose.training.lite import lite0_head, maps, sources
+
+    held = small_library.models("car")[0].id
+    monkeypatch.setattr(sources, "read_held_out", lambda lookalikes=True: {"car": frozenset({held})})
+    monkeypatch.setattr(sources, "SIZE", 64)
+    monkeypatch.setattr(lite0_head, "UNSEEN_PHOTOS", 3)
+    for module in (maps, lite0_head):
+        monkeypatch.setattr(module, "SHARD", 3)
+    out = tmp_path / "out"
+    told = ["train", "rotation", "--arch", "lite0-head", "--library", small_library.path, "--out", out]
+    told += ["--photos", 5, "--epochs", 2, "--batch", 2, "--workers", 1]
+    report = said(cadpose(*told, "--json"))
+    assert report["network"] == str(out / "head.pt") and report["export_difference"] is None
+    assert len(report["epochs"]) == 2 and set(report["validation"]["classes"]) == {"car"}
+    one_sentence(cadpose(*told), out, "--resume")
+    table = cadpose(*told, "--resume")
+    assert table.exit_code == 0 and "macro30" in table.stdout and "head.pt" in table.stdout
+    onnx = ["--out", tmp_path / "a.onnx"]
+    one_sentence(cadpose("train", "export", out / "head.pt", "--arch", "lite0-head", *onnx), "--head")
+    one_sentence(cadpose("train", "export", tmp_path / "c.pt", "--arch", "lite0", *onnx), "--head")
+    missing = cadpose(
+        "train", "export", tmp_path / "c.pt", "--arch", "lite0", "--head", out / "head.pt", *onnx
+    )
+    one_sentence(missing, "c.pt")
+    one_sentence(cadpose("train", "export", "posecontrast-pascal3d", "--head", "a.pt", *onnx), "a.pt")
+
+
+def test_a_library_that_is_not_there(tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    told = ["train", "rotation", "--arch", "lite0", "--library", tmp_path / "none", "--out", tmp_path / "o"]
+    one_sentence(cadpose(*told), "none")
+    assert not (tmp_path / "o").exists()
 
 
 def test_without_torch() -> None:

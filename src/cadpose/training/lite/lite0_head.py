@@ -31,7 +31,7 @@ def train(
     options: TrainingOptions,
     on_step: OnStep,
     *,
-    unseen_photos: int = UNSEEN_PHOTOS,
+    unseen_photos: int | None = None,
     **recipe: Any,
 ) -> TrainingReport:
     """Draw the maps that are not there yet, then fit the head.
@@ -41,7 +41,7 @@ def train(
             common ones.
         on_step: Called after every shard of 96 photos, then while the head is fitted, with the parts of the
             whole that are done.
-        unseen_photos: Photos of held-out models to measure on.
+        unseen_photos: Photos of held-out models to measure on, ``UNSEEN_PHOTOS`` unless told.
         **recipe: Other numbers of :class:`cadpose.training.lite.head.HeadRecipe`.
 
     Raises:
@@ -54,7 +54,7 @@ def train(
     how = HeadRecipe(seed=options.seed, **{**{k: v for k, v in numbers.items() if v is not None}, **recipe})
     drawn = sources(Library.open(options.library), options.backgrounds, head_weights, options.seed)
     shards = _shards(options.photos or PHOTOS)
-    unseen_shards = _shards(unseen_photos) if drawn.unseen else range(0)
+    unseen_shards = _shards(unseen_photos or UNSEEN_PHOTOS) if drawn.unseen else range(0)
     settings = {
         "architecture": "lite0-head",
         **drawn.to_json(),

@@ -71,7 +71,7 @@ class Maps:
             with np.load(path, allow_pickle=False) as data:
                 cells = tuple(data[f"cells{i}"] for i in range(len(LEVELS)))
                 return cls(cells, data["angles"], data["turns"], data["category"])
-        except (OSError, ValueError, KeyError, BadZipFile) as error:
+        except (OSError, EOFError, TypeError, ValueError, KeyError, BadZipFile) as error:
             raise InputError(f"{path} is no shard of described crops ({error}): delete it") from error
 
     @classmethod

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from cadpose.geometry.symmetry_groups import SymmetryGroup
+from cadpose.library.catalogue import Library
+from cadpose.training.lite.stream import Objects, ObjectStream, loader, turns_of
+from cadpose.training.lite.train import Buffer
+from tests.training.lite.made import source_of
+from tests.training.synth.making import PLAIN, generator_of
+
+
+def joined(chunks: list[Objects]) -> tuple[torch.Tensor, ...]:
+    return tuple(torch.cat(parts) for parts in zip(*(c.fields() for c in chunks), strict=True))
+
+
+@pytest.fixture(scope="module")
+def drawn(small_library: Library) -> list[Objects]:
+    return list(ObjectStream(source_of(small_library), photos=24))
+
+
+def test_the_same_seed_gives_the_same_objects(small_library: Library, drawn: list[Objects]) -> None:
+    again = list(ObjectStream(source_of(small_library), photos=24))
+    assert all(torch.equal(a, b) for a, b in zip(joined(drawn), joined(again), strict=True))
+    other = list(ObjectStream(source_of(small_library, seed=4), photos=24))
+    assert not torch.equal(joined(drawn)[3][:5], joined(other)[3][:5])
+
+
+def test_two_workers_draw_what_one_does(small_library: Library, drawn: list[Objects]) -> None:
+    stream = ObjectStream(source_of(small_library), photos=24)
+    both = list(loader(stream, workers=2))
+    assert stream.chunk == 12 and len(both) == len(drawn) == 2
+    assert all(torch.equal(a, b) for a, b in zip(joined(drawn), joined(both), strict=True))
+
+
+def test_it_goes_on_from_a_later_photo(small_library: Library, drawn: list[Objects]) -> None:
+    later = next(iter(ObjectStream(source_of(small_library), first=12)))
+    assert all(torch.equal(a, b) for a, b in zip(drawn[1].fields(), later.fields(), strict=True))
+
+
+def test_only_objects_worth_learning_from(small_library: Library, drawn: list[Objects]) -> None:
+    _, _, visible, angles, turns, category = joined(drawn)
+    assert float((visible[:, 2:] - visible[:, :2]).amax(dim=1).min()) >= 40.0
+    assert set(category.tolist()) == {0, 1} and float(angles[:, 1].abs().max()) <= 90
+    mains = list(ObjectStream(source_of(small_library, company=1.0, size=160), photos=12, main_only=True))
+    every = list(ObjectStream(source_of(small_library, company=1.0, size=160), photos=12))
+    assert sum(map(len, mains)) <= 12 < sum(map(len, every))
+    assert turns.dtype == torch.int64
+
+
+def test_turns_of_a_front(small_library: Library) -> None:
+    found = generator_of(small_library, **PLAIN).photo(0).objects[0]
+    assert turns_of(found) == 1
+    assert turns_of(replace(found, symmetry=SymmetryGroup.cyclic(4))) == 4
+    assert turns_of(replace(found, symmetry=SymmetryGroup.revolution())) == 0
+    # About a lying axis it is no matter of azimuth.
+    assert turns_of(replace(found, symmetry=SymmetryGroup.cyclic(4, (1.0, 0.0, 0.0)))) in {1, 2}
+
+
+def numbered(first: int, count: int) -> Objects:
+    n = torch.arange(first, first + count)
+    photos = n.to(torch.uint8)[:, None, None, None].expand(-1, 3, 2, 2)
+    four = n[:, None].expand(-1, 4).float()
+    return Objects(photos, four, four, four[:, :3], n, n)
+
+
+def test_a_buffer_keeps_the_newest() -> None:
+    buffer = Buffer(5, 2, torch.device("cpu"))
+    buffer.add(numbered(0, 3))
+    generator = torch.Generator().manual_seed(0)
+    assert set(buffer.draw(50, generator).turns.tolist()) == {0, 1, 2}
+    buffer.add(numbered(3, 4))
+    assert (buffer.filled, buffer.entered) == (5, 7)
+    drawn = buffer.draw(100, generator)
+    assert set(drawn.turns.tolist()) == {2, 3, 4, 5, 6}
+    assert torch.equal(drawn.angles[:, 0], drawn.turns.float())
+    assert torch.equal(drawn.photos[:, 0, 0, 0], drawn.turns.to(torch.uint8))
+    assert torch.equal(drawn.category, drawn.turns)

