@@ -15,12 +15,13 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
-from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch.optim.swa_utils import AveragedModel
 
 from cadpose.errors import InputError
 from cadpose.library.storage import write_atomic
 from cadpose.rotation.bins import BINS
 from cadpose.rotation.features import LEVELS, STEPS
+from cadpose.training.lite.average import moving_average
 from cadpose.training.lite.curves import Curves
 from cadpose.training.lite.maps import Maps
 from cadpose.training.lite.objective import Targets, contrast, pose_loss
@@ -106,8 +107,8 @@ class HeadRecipe:
     batch: int = 128
     rate: float = 2e-3
     decay: float = 0.05
-    warmup: int = 200
-    ema: float = 0.998
+    warmup: int = 80
+    ema: float = 0.99
     contrast: float = 0.5
     unknown: float = 0.2
     seed: int = 0
@@ -147,11 +148,7 @@ def train_head(
     batch = min(recipe.batch, len(first))
     torch.manual_seed(recipe.seed)
     model = MapHead(categories).to(where)
-    average = AveragedModel(
-        model,
-        multi_avg_fn=get_ema_multi_avg_fn(recipe.ema),  # type: ignore[no-untyped-call]
-        use_buffers=True,
-    )
+    average = moving_average(model, recipe.ema)
     optimiser = torch.optim.AdamW(model.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
     told = json.dumps({"categories": list(categories), "recipe": asdict(recipe), "objects": len(first)})
     an_epoch = len(first) // batch

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +93,10 @@ def export(weights: str, path: Path, head: Path | None = None) -> None:
     tuned, second = trained_network(Path(weights)), load_head(head)
     if tuned.categories != second.categories:
         raise InputError(f"{weights} and {head} were trained on different categories")
-    export_both(tuned, second, path)
+    with warnings.catch_warnings():
+        # PyTorch's older exporter is meant, see docs/dependencies.md.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        export_both(tuned, second, path)
 
 
 def told_of(rows: list[Row]) -> tuple[list[Row], dict[str, Any] | None]:

@@ -19,11 +19,12 @@ from typing import Any
 import torch
 from torch import Tensor
 from torch.nn import functional
-from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch.optim.swa_utils import AveragedModel
 
 from cadpose.errors import CadposeError
 from cadpose.library.storage import write_atomic
 from cadpose.training.lite.augment import Augmentation, crops
+from cadpose.training.lite.average import moving_average
 from cadpose.training.lite.curves import Curves
 from cadpose.training.lite.network import LitePose, normalised
 from cadpose.training.lite.objective import Targets, contrast, pose_loss
@@ -128,8 +129,7 @@ def train(
         torch.backends.cudnn.allow_tf32 = True
         torch.set_float32_matmul_precision("high")
     model = LitePose(source.categories, backbone).to(where)
-    blend = get_ema_multi_avg_fn(recipe.ema)  # type: ignore[no-untyped-call]
-    average = AveragedModel(model, multi_avg_fn=blend, use_buffers=True)
+    average = moving_average(model, recipe.ema)
     optimiser = torch.optim.AdamW(
         model.parameter_groups(recipe.rate, recipe.backbone_share),
         weight_decay=recipe.decay,
