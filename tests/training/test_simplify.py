@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,9 +19,9 @@ pytest.importorskip("fast_simplification", reason="needs cadpose[train]")
 pytest.importorskip("scipy")
 
 
-def mesh_of(shapes: list[trimesh.Trimesh], side: int = 64) -> Mesh:
+def mesh_of(shapes: list[Any], side: int = 64) -> Mesh:
     """Shapes with a material each; the first has a texture. Unit diagonal, centred."""
-    whole = trimesh.util.concatenate(shapes)
+    whole: Any = trimesh.util.concatenate(shapes)
     vertices = np.asarray(whole.vertices) - whole.bounds.mean(axis=0)
     vertices /= np.linalg.norm(whole.extents)
     faces = np.asarray(whole.faces, np.int64)

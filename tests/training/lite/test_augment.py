@@ -52,7 +52,8 @@ def drawn(library: Library, found: SynthObject, angles: NDArray[np.float64], lik
         t_z=found.t_z,
         size=224,
     )
-    return Rasteriser().render(library.mesh(found.cad), camera).mask[0]
+    mask: Silhouette = Rasteriser().render(library.mesh(found.cad), camera).mask[0]
+    return mask
 
 
 def iou(a: Silhouette, b: Silhouette) -> float:

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from cadpose.errors import InputError
 from cadpose.library.catalogue import Library
@@ -14,10 +16,12 @@ from cadpose.training.lite.maps import Maps, draw_shards
 from tests.training.lite.made import made_maps, source_of
 
 
+def arrays(m: Maps) -> list[NDArray[Any]]:
+    return [*m.cells, m.angles, m.turns, m.category]
+
+
 def same(a: Maps, b: Maps) -> bool:
-    pairs = zip(
-        (*a.cells, a.angles, a.turns, a.category), (*b.cells, b.angles, b.turns, b.category), strict=True
-    )
+    pairs = zip(arrays(a), arrays(b), strict=True)
     return all(x.dtype == y.dtype and np.array_equal(x, y) for x, y in pairs)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import onnxruntime
 import pytest
 import torch
 
@@ -14,13 +15,13 @@ from cadpose.errors import CadposeError, InputError
 from cadpose.library.catalogue import Library
 from cadpose.training.architectures import TrainingOptions, TrainingReport
 from cadpose.training.lite import lite0, lite0_head, maps, sources, train
-from cadpose.training.lite.head import load_head
+from cadpose.training.lite.head import MapHead, load_head, save_head
 from cadpose.training.lite.maps import Maps
 from cadpose.training.lite.network import LitePose
 from cadpose.training.lite.train import CHECKPOINT, Recipe, trained_network
 from tests.training.lite.made import CATEGORIES, source_of
 
-TINY = {"fresh": 2, "buffer": 24, "warmup": 1, "validate_every": 2, "workers": 0}
+TINY: dict[str, Any] = {"fresh": 2, "buffer": 24, "warmup": 1, "validate_every": 2, "workers": 0}
 
 
 @pytest.fixture(autouse=True)
@@ -109,7 +110,14 @@ def test_a_resumed_training_fills_its_buffer_anew_and_no_more(
 
     monkeypatch.setattr(train, "LitePose", Random)
     source = source_of(small_library)
-    told = {"batch": 2, "fresh": 30, "buffer": 64, "warmup": 1, "workers": 0, "validate_every": 1}
+    told: dict[str, Any] = {
+        "batch": 2,
+        "fresh": 30,
+        "buffer": 64,
+        "warmup": 1,
+        "workers": 0,
+        "validate_every": 1,
+    }
     # Stopped as a killed run is, after the checkpoint of the third of four steps.
     seen: list[int] = []
     filled: list[int] = []
@@ -138,6 +146,23 @@ def test_a_resumed_training_fills_its_buffer_anew_and_no_more(
     assert len(filled) == 1 and 30 <= filled[0] < 60
     with pytest.raises(CadposeError, match="another recipe"):
         train.train(source, Recipe(steps=5, **told), tmp_path, resume=True)
+
+
+def test_both_members_in_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("onnx", reason="needs cadpose[train]")
+    pytest.importorskip("efficientnet_lite_pytorch", reason="needs cadpose[train]")
+    tuned, (one, two) = LitePose(CATEGORIES, pretrained=False).eval(), (tmp_path / "c.pt", tmp_path / "h.pt")
+    one.write_bytes(b"stands for a checkpoint")
+    save_head(MapHead(CATEGORIES), two)
+    monkeypatch.setattr(lite0, "trained_network", lambda path: tuned)
+    lite0.export(str(one), tmp_path / "n.onnx", two)
+    session = onnxruntime.InferenceSession(str(tmp_path / "n.onnx"), providers=["CPUExecutionProvider"])
+    told = session.get_modelmeta().custom_metadata_map
+    assert json.loads(told["categories"]) == list(CATEGORIES)
+    save_head(MapHead(["car"]), two)
+    with pytest.raises(InputError, match="different categories"):
+        lite0.export(str(one), tmp_path / "m.onnx", two)
+    assert not (tmp_path / "m.onnx").exists()
 
 
 def test_a_file_that_is_no_checkpoint(tmp_path: Path) -> None:

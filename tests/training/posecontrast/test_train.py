@@ -66,7 +66,7 @@ def test_what_a_training_leaves(whole: TrainingReport) -> None:
         assert row["loss"] == pytest.approx(row["angle_loss"] + row["contrast_loss"], rel=1e-5)
         assert 0 <= row["val_acc30"] <= 1
     assert whole.validation is not None and set(whole.validation["classes"]) == {"car", "chair"}
-    assert whole.difference <= 1e-4 and whole.network.is_file()
+    assert whole.difference is not None and whole.difference <= 1e-4 and whole.network.is_file()
     content = read_checkpoint(whole.checkpoint)
     assert {"net_feat", "net_vp", "epoch"} <= set(content)  # the authors' names
     assert sorted(p.name for p in whole.network.parent.iterdir()) == [
