@@ -30,6 +30,10 @@ def test_bytes_round_trip(tmp_path: Path) -> None:
     (tmp_path / "a.npz").write_bytes(made.to_bytes())
     assert same(Maps.from_file(tmp_path / "a.npz"), made)
     assert same(Maps.joined([made, Maps.empty()]), made) and len(Maps.empty()) == 0
+    (tmp_path / "b.npz").write_bytes(made_maps(2, seed=1).to_bytes())
+    (tmp_path / "c.npz").write_bytes(Maps.empty().to_bytes())
+    whole, sizes = Maps.from_files([tmp_path / f"{n}.npz" for n in "acb"])
+    assert same(whole, Maps.joined([made, made_maps(2, seed=1)])) and sizes == [6, 0, 4]
 
 
 @pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 not a zip", made_maps(2).to_bytes()[:5000]])
@@ -37,6 +41,8 @@ def test_a_damaged_file_is_named(tmp_path: Path, damage: bytes) -> None:
     (tmp_path / "a.npz").write_bytes(damage)
     with pytest.raises(InputError, match=r"a\.npz is no shard"):
         Maps.from_file(tmp_path / "a.npz")
+    with pytest.raises(InputError, match=r"a\.npz is no shard"):
+        Maps.from_files([tmp_path / "a.npz"])
 
 
 def test_an_archive_of_other_arrays_is_named(tmp_path: Path) -> None:

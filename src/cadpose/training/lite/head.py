@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel
@@ -233,24 +234,23 @@ def _restore(
     return step
 
 
-def _pairs(shards: Sequence[Path]) -> tuple[Maps, np.ndarray, np.ndarray]:
+def _pairs(shards: Sequence[Path]) -> tuple[Maps, NDArray[np.int64], NDArray[np.int64]]:
     """All crops, and the numbers of the first and second crop of each object."""
-    parts, first, second, at = [], [], [], 0
-    for path in shards:
-        part = Maps.from_file(path)
-        half = len(part) // 2
-        first.append(np.arange(at, at + half))
-        second.append(np.arange(at + half, at + 2 * half))
-        at += len(part)
-        parts.append(part)
-    return Maps.joined(parts), np.concatenate(first), np.concatenate(second)
+    data, sizes = Maps.from_files(shards)
+    first, at = [np.empty(0, np.int64)], 0
+    second = list(first)
+    for size in sizes:
+        first.append(np.arange(at, at + size // 2))
+        second.append(np.arange(at + size // 2, at + size))
+        at += size
+    return data, np.concatenate(first), np.concatenate(second)
 
 
 def _loss(
     model: MapHead,
     data: Maps,
-    first: np.ndarray,
-    second: np.ndarray,
+    first: NDArray[np.int64],
+    second: NDArray[np.int64],
     recipe: HeadRecipe,
     generator: torch.Generator,
     where: torch.device,

@@ -77,7 +77,7 @@ def train(
             main_only=True,
             workers=workers,
         )
-        unseen = Maps.joined([Maps.from_file(path) for path in sorted(map(done, files))])
+        unseen, _ = Maps.from_files(sorted(map(done, files)))
     files = draw_shards(
         drawn.train,
         options.out / "maps" / "train",

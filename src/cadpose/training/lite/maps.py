@@ -30,6 +30,7 @@ from cadpose.training.synth.generator import SynthGenerator
 
 #: Photos a shard.
 SHARD = 96
+_DAMAGE = (OSError, EOFError, TypeError, ValueError, KeyError, BadZipFile)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +72,33 @@ class Maps:
             with np.load(path, allow_pickle=False) as data:
                 cells = tuple(data[f"cells{i}"] for i in range(len(LEVELS)))
                 return cls(cells, data["angles"], data["turns"], data["category"])
-        except (OSError, EOFError, TypeError, ValueError, KeyError, BadZipFile) as error:
+        except _DAMAGE as error:
             raise InputError(f"{path} is no shard of described crops ({error}): delete it") from error
+
+    @classmethod
+    def from_files(cls, paths: Sequence[Path]) -> tuple[Maps, list[int]]:
+        """All crops of several files in order, and how many each holds; never twice in memory.
+
+        Raises:
+            InputError: a file holds something else.
+        """
+        sizes = [_count(path) for path in paths]
+        n = sum(sizes)
+        whole = cls(
+            tuple(np.empty((n, level.cells, level.channels), np.int8) for level in LEVELS),
+            np.empty((n, 3), np.float32),
+            np.empty(n, np.int64),
+            np.empty(n, np.int64),
+        )
+        at = 0
+        for path, size in zip(paths, sizes, strict=True):
+            part, rows = cls.from_file(path), slice(at, at + size)
+            for cells, new in zip(whole.cells, part.cells, strict=True):
+                cells[rows] = new
+            whole.angles[rows], whole.turns[rows] = part.angles, part.turns
+            whole.category[rows] = part.category
+            at += size
+        return whole, sizes
 
     @classmethod
     def empty(cls) -> Maps:
@@ -89,6 +115,14 @@ class Maps:
             np.concatenate([p.turns for p in parts]),
             np.concatenate([p.category for p in parts]),
         )
+
+
+def _count(path: Path) -> int:
+    try:
+        with np.load(path, allow_pickle=False) as data:  # only what is asked for is read
+            return len(data["turns"])
+    except _DAMAGE as error:
+        raise InputError(f"{path} is no shard of described crops ({error}): delete it") from error
 
 
 def draw_shards(
