@@ -23,7 +23,7 @@ from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.records import CadModel, Rotation, RotationHypothesis
 from cadpose.rotation.calibration import Calibration
 from cadpose.rotation.features import Described, describe
-from cadpose.rotation.grid import grid_angles, grid_rotations
+from cadpose.rotation.grid import grid_angles, grid_mirrored, grid_rotations
 from cadpose.rotation.network import AngleDistributions, RotationNetwork
 from cadpose.rotation.render_and_compare import RenderAndCompare, between_grid_points, voted
 
@@ -133,11 +133,13 @@ class EmbeddedRotation:
         both = np.stack([crop, crop[:, ::-1]])
         described = describe(self.encoder, both)
         angles = self.network.look(both, described, cads[0].category, (False, True))
-        upright = Described(tuple(c[:1] for c in described.cells), tuple(c[:1] for c in described.cover))
-        cosines = self.compare.cosines(upright, cads)
+        cosines = self.compare.cosines(_only(described, 0), cads)
+        mirrored = self.compare.cosines(_only(described, 1), cads)
+        # Nearly all objects are their own mirror image, so the mirrored crop is a second witness.
+        vote = (voted(cosines) + voted(mirrored)[grid_mirrored()]) / 2.0
         best_cad = cads[int(cosines.max(axis=1).argmax())]
         group = SymmetryGroup.trivial() if self.symmetry is None else self.symmetry(best_cad)
-        return fused(angles, voted(cosines), group.about(), self.hypotheses)
+        return fused(angles, vote, group.about(), self.hypotheses)
 
 
 def fused(angles: AngleDistributions, vote: FloatArray, group: SymmetryGroup, count: int) -> Proposals:
@@ -185,6 +187,12 @@ def fused(angles: AngleDistributions, vote: FloatArray, group: SymmetryGroup, co
         axis=1,
     )
     return Proposals(R, best, features)
+
+
+def _only(described: Described, n: int) -> Described:
+    return Described(
+        tuple(c[n : n + 1] for c in described.cells), tuple(c[n : n + 1] for c in described.cover)
+    )
 
 
 def _near_vote(R: FloatArray, vote: FloatArray) -> FloatArray:

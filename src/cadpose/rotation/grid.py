@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cadpose.geometry.angles import geodesic_degrees, rotation_from_angles
+from cadpose.geometry.angles import flip_angles, geodesic_degrees, rotation_from_angles
 from cadpose.geometry.frames import FloatArray
 
 #: (elevation, in-plane, azimuth step): dense where photographs are mostly taken, sparser elsewhere.
@@ -48,6 +49,15 @@ def grid_rotations() -> FloatArray:
     R = rotation_from_angles(*grid_angles().T)
     R.setflags(write=False)
     return R
+
+
+@lru_cache(maxsize=1)
+def grid_mirrored() -> NDArray[np.int64]:
+    """(N,) for every template the one that shows a mirror-symmetric model as in a mirror."""
+    R = rotation_from_angles(*flip_angles(*grid_angles().T))
+    found: NDArray[np.int64] = geodesic_degrees(R[:, None], grid_rotations()[None]).argmin(axis=1)
+    found.setflags(write=False)
+    return found
 
 
 @lru_cache(maxsize=1)
