@@ -198,6 +198,15 @@ def test_a_compressed_bomb_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.M
         list(pascal3d(root, "val"))
 
 
+def test_arrays_of_many_numbers_are_refused(tmp_path: Path) -> None:
+    many = np.zeros(matlab.MAX_VALUES + 1, np.uint8)
+    root = pascal3d_tree(tmp_path)
+    file = root / "Annotations" / "car_pascal" / "2008_000002.mat"
+    write_mat(file, [], objects=many)
+    with pytest.raises(InputError, match=r"2008_000002\.mat.*more than 1000000 values"):
+        list(pascal3d(root, "val"))
+
+
 # -- ObjectNet3D ----------------------------------------------------------------------------------
 
 

@@ -17,6 +17,8 @@ from cadpose.errors import DependencyError, InputError
 MAX_BYTES = 4 * 2**20
 MAX_UNPACKED = 64 * 2**20
 MAX_DEPTH = 12
+#: A number takes a byte in the file and some thirty in memory: so many values, fields and texts are kept.
+MAX_VALUES = 1_000_000
 _HEADER = 128
 _COMPRESSED = 15
 
@@ -38,7 +40,7 @@ def read_struct(path: Path, name: str) -> dict[str, Any]:
     data = _unpacked(read_bytes(path, MAX_BYTES), path)
     try:
         found = loadmat(cast(Any, io.BytesIO(data)), variable_names=[name], chars_as_strings=True)
-        value = _plain(found.get(name), 0)
+        value = _Plain().of(found.get(name))
     except NotImplementedError as error:
         raise InputError(f"{path}: is a .mat file of version 7.3, save it as version 7") from error
     except MemoryError as error:
@@ -52,21 +54,30 @@ def read_struct(path: Path, name: str) -> dict[str, Any]:
     return value
 
 
-def _plain(value: Any, depth: int) -> Any:
-    if depth > MAX_DEPTH:
-        raise ValueError("nested too deeply")
-    if not isinstance(value, np.ndarray):
+class _Plain:
+    """SciPy's arrays to plain values, counted."""
+
+    def __init__(self) -> None:
+        self.left = MAX_VALUES
+
+    def of(self, value: Any, depth: int = 0) -> Any:
+        if depth > MAX_DEPTH:
+            raise ValueError("nested too deeply")
+        if not isinstance(value, np.ndarray):
+            return None
+        self.left -= value.size * max(1, len(value.dtype.names or ()))
+        if self.left < 0:
+            raise ValueError(f"more than {MAX_VALUES} values")
+        if value.dtype.names is not None:
+            names = value.dtype.names
+            return [{name: self.of(item[name], depth + 1) for name in names} for item in value.ravel()]
+        if value.dtype.kind == "U":
+            return "".join(str(item) for item in value.ravel())
+        if value.dtype.kind == "O":
+            return [self.of(item, depth + 1) for item in value.ravel()]
+        if value.dtype.kind in "buif":
+            return [float(item) for item in value.ravel()]
         return None
-    if value.dtype.names is not None:
-        names = value.dtype.names
-        return [{name: _plain(item[name], depth + 1) for name in names} for item in value.ravel()]
-    if value.dtype.kind == "U":
-        return "".join(str(item) for item in value.ravel())
-    if value.dtype.kind == "O":
-        return [_plain(item, depth + 1) for item in value.ravel()]
-    if value.dtype.kind in "buif":
-        return [float(item) for item in value.ravel()]
-    return None
 
 
 def _unpacked(data: bytes, path: Path) -> bytes:
