@@ -29,6 +29,13 @@ def test_photos_are_cut_as_often_as_asked(tmp_path: Path) -> None:
     assert all((backdrops.draw(rng, 32, 1.0) == (255, 0, 255)).all() for _ in range(20))
 
 
+def test_a_banner_is_cut_as_well(tmp_path: Path) -> None:
+    Image.new("RGB", (4000, 30), (0, 255, 255)).save(tmp_path / "banner.png")
+    backdrops = Backdrops(tmp_path)
+    assert min(backdrops.photos[0].shape[:2]) < 8
+    assert (backdrops.draw(np.random.default_rng(0), 32, 1.0) == (0, 255, 255)).all()
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_textures(seed: int) -> None:
     texture = Backdrops().texture(np.random.default_rng(seed), 48)

@@ -74,7 +74,8 @@ class Backdrops:
     def _cut(self, rng: np.random.Generator, size: int, share: float | None = None) -> Picture:
         photo = self.photos[rng.integers(len(self.photos))]
         least = min(photo.shape[:2])
-        side = max(8, int(least * (share if share is not None else rng.uniform(0.5, 1.0))))
+        wanted = int(least * (share if share is not None else rng.uniform(0.5, 1.0)))
+        side = min(max(8, wanted), least)
         row = int(rng.integers(photo.shape[0] - side + 1))
         column = int(rng.integers(photo.shape[1] - side + 1))
         cut = photo[row : row + side, column : column + side]
