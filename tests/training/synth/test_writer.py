@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -16,10 +17,11 @@ import pytest
 
 from cadpose.datasets.labels import mask_in_photo, read_labels
 from cadpose.detection.coco_json import FileDetector
-from cadpose.errors import InputError, LibraryError
+from cadpose.errors import CadposeError, InputError, LibraryError
 from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.library.catalogue import Library
 from cadpose.photos import read_photo
+from cadpose.training.synth import writer
 from cadpose.training.synth.recipe import Recipe
 from cadpose.training.synth.writer import COCO, LABELS, MODELS, PARTS, PHOTOS, write_photos
 from tests.training.synth.making import recipe_of
@@ -151,6 +153,20 @@ def test_a_killed_run_goes_on(made: Path, small_library: Library, tmp_path: Path
         assert whole == content(made)
     else:
         assert all(whole[name] == data for name, data in content(made).items() if name.endswith(".jpg"))
+
+
+@pytest.mark.slow
+def test_a_killed_worker_is_told_in_a_sentence(
+    small_library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Each worker ends like one that the system kills: without a word, as it starts.
+    monkeypatch.setattr(writer, "_start", _die)
+    with pytest.raises(CadposeError, match=r"was killed.*fewer --workers"):
+        write_photos(recipe_of(small_library), tmp_path / "out", 60, workers=2)
+
+
+def _die(*_: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_png_holds_the_very_pixels(small_library: Library, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
 from pathlib import Path
@@ -103,6 +104,7 @@ def write_photos(
         InputError: the folder is not empty and ``resume`` is not asked for, or it was made by another recipe
             or holds more photos.
         LibraryError: the library or a model of it cannot be read.
+        CadposeError: a worker was killed.
         ValueError: ``count`` or ``workers`` is below 1.
     """
     if count < 1 or workers < 1:
@@ -169,6 +171,11 @@ def _run(jobs: list[_Job], workers: int) -> Iterator[tuple[int, int]]:
             futures = {pool.submit(_draw_here, job): job for job in jobs}
             for future in as_completed(futures):
                 yield future.result(), len(futures[future].indices)
+        except BrokenProcessPool as error:
+            raise CadposeError(
+                f"{jobs[0].out}: a process that draws photos was killed, perhaps for want of memory: "
+                "go on with --resume and fewer --workers"
+            ) from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
