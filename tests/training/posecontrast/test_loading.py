@@ -75,6 +75,16 @@ def test_what_does_not_fit_names_the_parameter() -> None:
         load_weights(net, {"epoch": 3}, "x.pth")
 
 
+def test_tensors_of_other_kinds_are_refused() -> None:
+    net, content = TINY.network(0), authors_content(TINY.network(1))
+    head = content["net_vp"]
+    assert isinstance(head, dict)
+    bias = head["fc_cls_azi.bias"]
+    for kind in (bias.to_sparse(), bias.to(torch.complex64), bias.to(torch.float8_e4m3fn)):
+        with pytest.raises(InputError, match=r"fc_cls_azi\.bias holds numbers of another kind"):
+            load_weights(net, content | {"net_vp": dict(head) | {"fc_cls_azi.bias": kind}}, "x.pth")
+
+
 def test_files_that_are_no_checkpoints(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="check the path"):
         read_checkpoint(tmp_path / "none.pth")

@@ -179,7 +179,18 @@ def test_a_photo_that_cannot_be_read_is_named(labels: Path, tmp_path: Path) -> N
     (tmp_path / "bad" / "5.png").write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"5\.png"):
         run(bad, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_a_folder_that_cannot_be_made_is_told_before_the_first_epoch(labels: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    for out in (tmp_path / "file", tmp_path / "file" / "out"):
+        with pytest.raises(OSError, match="file"):
+            train(
+                TrainingOptions(out=out, data=labels, init="random"),
+                lambda *_: pytest.fail("a step was done"),
+                TINY,
+            )
 
 
 def test_every_photo_is_seen_once_an_epoch_in_another_order(
@@ -235,3 +246,24 @@ def test_checkpoints_are_exported_and_estimate(
     told = [first.azimuth, first.elevation, first.inplane]
     assert any(np.allclose(told, e, atol=1e-3) for e in either)
     assert encode_angles(*told).bins.shape == (1, 3)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"blocks": ["a", 1, 1, 1]},
+        {"blocks": [1, 1]},
+        {"blocks": [1, 1, 1, 10**9]},
+        {"width": -3},
+        {"width": 10**9},
+        {"hidden": []},
+        {"hidden": [10**9]},
+        {"hidden": None},
+    ],
+)
+def test_a_checkpoint_that_tells_of_absurd_layers_is_refused(change: dict[str, Any], tmp_path: Path) -> None:
+    settings = {"blocks": [1, 1, 1, 1], "width": 4, "hidden": [16]} | change
+    torch.save({"settings": settings, "net_feat": {}, "net_vp": {}}, tmp_path / "a.pt")
+    with pytest.raises(InputError, match=r"a\.pt"):
+        export(str(tmp_path / "a.pt"), tmp_path / "a.onnx")
+    assert not (tmp_path / "a.onnx").exists()

@@ -28,6 +28,8 @@ log = logging.getLogger(__name__)
 MAX_BYTES = 2 * 2**30
 #: What precedes the encoder's names in MoCo's checkpoints.
 MOCO_PREFIX = "module.encoder_q."
+#: What weights are made of; the counters of batches are whole numbers.
+_NUMBERS = frozenset({torch.float16, torch.bfloat16, torch.float32, torch.float64, torch.int64})
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +211,8 @@ def _set(module: nn.Module, weights: dict[str, Tensor], name: str) -> None:
             raise InputError(
                 f"{name}: {key} has shape {tuple(weights[key].shape)}, this network's has {tuple(own.shape)}"
             )
+        if weights[key].dtype not in _NUMBERS or weights[key].layout != torch.strided:
+            raise InputError(f"{name}: {key} holds numbers of another kind, save it as float32")
         if not torch.isfinite(weights[key]).all():
             raise InputError(f"{name}: {key} holds values that are not numbers")
     module.load_state_dict(wanted | {k: v for k, v in weights.items() if k in wanted})

@@ -47,6 +47,8 @@ from cadpose.training.posecontrast.network import Outputs, PoseContrast, normali
 log = logging.getLogger(__name__)
 
 _FORMAT = 1
+#: Most blocks a stage, first channels and channels of the heads that a checkpoint may ask memory for.
+_MOST_BLOCKS, _MOST_WIDTH, _MOST_HIDDEN = 36, 128, 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +131,8 @@ def train(options: TrainingOptions, on_step: OnStep, recipe: Recipe | None = Non
     else:
         started = load_initial(network, options.init or "moco")
         log.info("initial weights: %s (%s)", options.init or "moco", started)
+    # Before the first epoch, which may take hours: a folder that cannot be made is told at once.
+    options.out.mkdir(parents=True, exist_ok=True)
 
     steps = len(labels) // batch_size
     table: dict[str, Any] | None = None
@@ -180,18 +184,24 @@ def export(weights: str, path: Path, head: Path | None = None) -> float:
     if weights not in CHECKPOINTS:
         settings = read_checkpoint(Path(weights)).get("settings")
         if isinstance(settings, dict):
-            try:
-                recipe = Recipe(
-                    blocks=tuple(settings["blocks"]),
-                    width=int(settings["width"]),
-                    hidden=tuple(settings["hidden"]),
-                )
-            except (KeyError, TypeError, ValueError):
-                raise InputError(f"{weights}: is no checkpoint of this network") from None
+            recipe = _told_recipe(settings, weights)
     network = recipe.network(0)
     if load_initial(network, weights) != "network":
         raise InputError(f"{weights}: holds an encoder without heads, train it first")
     return export_onnx(network, path)
+
+
+def _told_recipe(settings: dict[str, Any], name: str) -> Recipe:
+    """The layers that a checkpoint tells of, looked at before any is made."""
+    try:
+        blocks, hidden = (tuple(int(n) for n in settings[key]) for key in ("blocks", "hidden"))
+        width = int(settings["width"])
+    except (KeyError, TypeError, ValueError, OverflowError):
+        raise InputError(f"{name}: is no checkpoint of this network") from None
+    fits = len(blocks) == 4 and 1 <= len(hidden) <= 8 and min(*blocks, *hidden, width) >= 1
+    if not fits or max(blocks) > _MOST_BLOCKS or width > _MOST_WIDTH or max(hidden) > _MOST_HIDDEN:
+        raise InputError(f"{name}: tells of layers that no such network has")
+    return Recipe(blocks=blocks, width=width, hidden=hidden)
 
 
 @torch.no_grad()
