@@ -49,6 +49,10 @@ def test_train_resume_and_export(data: Path, tmp_path: Path) -> None:
     assert table.exit_code == 0 and "contrast_loss" in table.stdout and "posecontrast.onnx" in table.stdout
     exported = said(cadpose("train", "export", out / "checkpoint.pt", "--out", tmp_path / "n.onnx", "--json"))
     assert Path(exported["network"]).is_file()
+    before = (out / "checkpoint.pt").read_bytes()
+    over = cadpose("train", "export", out / "checkpoint.pt", "--out", out / ".." / "out" / "checkpoint.pt")
+    one_sentence(over, "written over")
+    assert (out / "checkpoint.pt").read_bytes() == before
 
 
 @pytest.mark.usefixtures("_tiny")

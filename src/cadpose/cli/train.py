@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -128,8 +129,11 @@ def export(
     json: Json = False,
 ) -> None:
     """Export a trained checkpoint, yours or its authors', as ONNX."""
+    from cadpose.errors import InputError
     from cadpose.training.architectures import architecture
 
+    if os.path.realpath(out) in {os.path.realpath(path) for path in (weights, head) if path is not None}:
+        raise InputError(f"{out} is the checkpoint and would be written over: choose another --out")
     difference = architecture(arch).export(weights, out, head)
     if json:
         print_json({"network": str(out), "export_difference": difference})
