@@ -10,7 +10,6 @@ from cadpose.evaluation.calibration import (
     Binning,
     brier_score,
     expected_calibration_error,
-    precision_at_coverage,
     reliability_bins,
     risk_coverage,
     unflagged_precision,
@@ -54,17 +53,14 @@ def test_brier_by_hand() -> None:
     assert brier_score([1.0, 0.0], [False, True]) == 1.0
 
 
-def test_risk_and_precision_by_hand() -> None:
+def test_risk_by_hand() -> None:
     p, hit = [0.2, 0.9, 0.6, 0.7], [False, True, True, False]
     curve = risk_coverage(p, hit)
     assert curve.coverage.tolist() == [0.25, 0.5, 0.75, 1.0]
     assert curve.risk == pytest.approx([0.0, 1 / 2, 1 / 3, 2 / 4])
     assert curve.area == pytest.approx((0 + 1 / 2 + 1 / 3 + 1 / 2) / 4)
-    assert precision_at_coverage(p, hit, 0.25) == 1.0
-    assert precision_at_coverage(p, hit, 0.26) == 0.5
-    assert precision_at_coverage(p, hit, 0.75) == pytest.approx(2 / 3)
     # Two of four alike are right: whichever half is kept, half of it is right on the average.
-    assert precision_at_coverage([0.5] * 4, [True, True, False, False], 0.5) == 0.5
+    assert risk_coverage([0.5] * 4, [True, True, False, False]).risk[1] == 0.5
 
 
 def test_the_unflagged_by_hand() -> None:
@@ -80,9 +76,6 @@ def test_what_makes_no_sense_is_refused(p: list[float], hit: list[bool]) -> None
     for function in (reliability_bins, brier_score, risk_coverage):
         with pytest.raises(ValueError, match="probabilit"):
             function(p, hit)
-    for coverage in (0.0, 1.1, float("nan")):
-        with pytest.raises(ValueError, match="coverage"):
-            precision_at_coverage([0.5], [True], coverage)
     with pytest.raises(ValueError, match="bins"):
         reliability_bins([0.5], [True], 0)
     with pytest.raises(ValueError, match="hits"):

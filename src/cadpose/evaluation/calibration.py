@@ -1,4 +1,4 @@
-"""How far stated probabilities can be trusted: reliability, Brier score, and precision against coverage.
+"""How far stated probabilities can be trusted: reliability, Brier score, and risk against coverage.
 
 Every function takes ``probabilities`` (N,) in [0, 1] and ``hits`` (N,) bool, whether the answer was right.
 Answers of equal probability cannot be told apart, so they count as kept or left out in equal shares.
@@ -6,7 +6,6 @@ Answers of equal probability cannot be told apart, so they count as kept or left
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -121,19 +120,6 @@ def risk_coverage(probabilities: ArrayLike, hits: ArrayLike) -> RiskCoverage:
     share = np.bincount(group, hit[order]) / count
     kept = np.arange(1, len(p) + 1)
     return RiskCoverage(kept / len(p), np.clip(1.0 - np.cumsum(share[group]) / kept, 0.0, 1.0))
-
-
-def precision_at_coverage(probabilities: ArrayLike, hits: ArrayLike, coverage: float) -> float:
-    """Share of right answers among the most probable ``coverage`` (0, 1] of all, rounded up to whole ones.
-
-    Raises:
-        ValueError: coverage is outside (0, 1], or as `reliability_bins`.
-    """
-    if not 0.0 < coverage <= 1.0:
-        raise ValueError(f"coverage {coverage} is outside (0, 1]")
-    curve = risk_coverage(probabilities, hits)
-    kept = max(1, math.ceil(coverage * len(curve.risk) - 1e-9))
-    return float(1.0 - curve.risk[kept - 1])
 
 
 def unflagged_precision(hits: ArrayLike, flagged: ArrayLike) -> tuple[float | None, float]:

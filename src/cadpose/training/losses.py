@@ -1,9 +1,9 @@
 """Losses of PoseContrast (3DV 2021): bins with offsets, and contrast that knows how far poses are apart.
 
 Read in the authors' published code (repository YoungXIAO13/PoseContrast, src/model/model_utils.py and
-src/train.py) and written anew: the four weightings, the terms of both contrastive losses, the factor 5
-within the offset loss, the sum of the classification losses. The authors' fifth weighting, "sinsin", is
-left out.
+src/train.py) and written anew: the four weightings, the terms of the contrastive loss, the factor 5 within
+the offset loss, the sum of the classification losses. The authors' fifth weighting, "sinsin", and
+their contrast that does not know poses are left out.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from torch.nn import functional
 
 from cadpose.rotation.bins import BIN_DEGREES
 
-#: Temperature of the contrastive losses.
+#: Temperature of the contrastive loss.
 TEMPERATURE = 0.5
 #: What predicted and true offsets are multiplied by within the smooth L1 loss.
 OFFSET_SCALE = 5.0
@@ -86,22 +86,6 @@ def pose_aware_nce(
         assert apart is not None
         weights = WEIGHTINGS[weighting](apart).log()
     return (torch.logsumexp(torch.cat([same[:, None], others + weights], dim=1), dim=1) - same).mean()
-
-
-def nce(q: Tensor, k: Tensor, temperature: float = TEMPERATURE) -> Tensor:
-    """Plain contrast, in which every other photo of the batch repels alike.
-
-    Args:
-        q: (N, D) features; normalised here.
-        k: (N, D) features of a second crop of the same photos.
-        temperature: τ.
-
-    Raises:
-        ValueError: the shapes do not fit.
-    """
-    same, others = _similarities(q, k, temperature)
-    diagonal = torch.eye(len(q), dtype=torch.bool, device=q.device)
-    return (torch.logsumexp(torch.where(diagonal, torch.diag(same), others), dim=1) - same).mean()
 
 
 def _similarities(q: Tensor, k: Tensor, temperature: float) -> tuple[Tensor, Tensor]:
