@@ -5,7 +5,8 @@
 It takes the Sweet Home 3D models of Debian's sweethome3d-furniture without those that
 src/cadpose/training/data/sweethome3d-exceptions.csv calls unfit, the base meshes and IKEA models in
 $CADPOSE_BENCH/cad by their tables, and parametric models: 40 a category.
-Parametric models that look like a held-out one are left out. Run again, it adds what is new.
+Parametric models that look like a held-out one are left out. Run again, it adds what is new. What DIR holds
+beside all this is removed: never name the library that you annotate with.
 """
 
 from __future__ import annotations
