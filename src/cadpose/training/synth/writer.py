@@ -96,7 +96,8 @@ def write_photos(
         out: Folder; made when needed.
         count: How many photos.
         format: JPEG (quality 92) or PNG.
-        workers: Processes; 1 draws in this one.
+        workers: Processes; 1 draws in this one. With more a script calls this under
+            ``if __name__ == "__main__"``, for each of them imports it.
         resume: Go on with a folder of the same recipe: photos that are there are not drawn again.
         progress: Told (photos done, photos in all).
 
@@ -173,8 +174,8 @@ def _run(jobs: list[_Job], workers: int) -> Iterator[tuple[int, int]]:
                 yield future.result(), len(futures[future].indices)
         except BrokenProcessPool as error:
             raise CadposeError(
-                f"{jobs[0].out}: a process that draws photos was killed, perhaps for want of memory: "
-                "go on with --resume and fewer --workers"
+                f"{jobs[0].out}: a process that draws photos was killed, perhaps for want of memory, or could"
+                " not start: go on with --resume and fewer --workers"
             ) from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
