@@ -57,7 +57,7 @@ def test_turns_of_a_front(small_library: Library) -> None:
     assert turns_of(replace(found, symmetry=SymmetryGroup.cyclic(4))) == 4
     assert turns_of(replace(found, symmetry=SymmetryGroup.revolution())) == 0
     # About a lying axis it is no matter of azimuth.
-    assert turns_of(replace(found, symmetry=SymmetryGroup.cyclic(4, (1.0, 0.0, 0.0)))) in {1, 2}
+    assert turns_of(replace(found, symmetry=SymmetryGroup.cyclic(4, (1.0, 0.0, 0.0)))) == 1
 
 
 def numbered(first: int, count: int) -> Objects:
