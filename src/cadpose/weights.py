@@ -93,6 +93,15 @@ REGISTRY: dict[str, Weights] = {
             package="cadpose",
             requirement="cadpose",
         ),
+        Weights(
+            name="rotation",
+            file="data/weights/rotation.onnx",
+            sha256="e2511fe396fa67d98179b11ef738d0d0a228b95333ac46d328336123ab256e11",
+            size=13557912,
+            licence="Apache-2.0",
+            package="cadpose",
+            requirement="cadpose",
+        ),
         # The package's metadata names no licence: it is a dependency and never copied into this project.
         Weights(
             name="ssd-mobilenet-v2-coco",

@@ -11,12 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.encoder import Lite0
-from cadpose.errors import LibraryError
+from cadpose.errors import DependencyError, LibraryError
 from cadpose.geometry.angles import geodesic_degrees, rotation_from_angles
 from cadpose.geometry.frames import FloatArray
 from cadpose.geometry.symmetry_groups import SymmetryGroup
@@ -27,7 +28,7 @@ from cadpose.rotation.grid import grid_angles, grid_mirrored, grid_rotations
 from cadpose.rotation.network import AngleDistributions, RotationNetwork
 from cadpose.rotation.render_and_compare import RenderAndCompare, between_grid_points, voted
 
-#: Hypotheses differ by at least this many degrees.
+#: Proposals differ by at least this many degrees, before each is drawn to the peak beside it.
 _APART = 25.0
 #: Triples of bins that proposals are picked from.
 _TRIPLES = 40
@@ -39,6 +40,8 @@ _NETWORK_WEIGHT = 0.5
 _NEAR = 12.0
 #: Share of the network's angles where the vote's peak is near enough to be averaged with.
 _NETWORK_SHARE = 0.6
+#: The shipped calibration, fitted by scripts/fit_rotation_calibration.py.
+CALIBRATION = "rotation-calibration.json"
 #: Names of the features that the probability is made of.
 FEATURES = ("margin", "network", "vote", "apart", "grid")
 
@@ -94,8 +97,13 @@ class EmbeddedRotation:
         """What turns features into a probability and an expected error."""
         if self._calibration is not None:
             return self._calibration
-        kept = files("cadpose") / "data" / "rotation-calibration.json"
-        return Calibration.from_json(kept.read_text(encoding="utf-8"), kept.name)
+        kept = Path(str(files("cadpose") / "data" / CALIBRATION))
+        if not kept.is_file():
+            raise DependencyError(f"there is no rotation calibration at {kept}: reinstall cadpose.")
+        fitted = Calibration.from_json(kept.read_text(encoding="utf-8"), kept.name)
+        if fitted.names != FEATURES:
+            raise DependencyError(f"{kept} is of another version of cadpose: reinstall cadpose.")
+        return fitted
 
     def estimate(self, crop: NDArray[np.uint8], cads: Sequence[CadModel]) -> list[RotationHypothesis]:
         """Rotation hypotheses, best first, each with a calibrated probability to be within 30°.
@@ -109,8 +117,6 @@ class EmbeddedRotation:
         """
         found = self.propose(crop, cads)
         probability = self.calibration.probability(found.features)
-        # Rotations that look the same are one hypothesis; those that differ share one certainty.
-        probability = probability / max(1.0, float(probability.sum()))
         expected = self.calibration.expected_error(found.features)
         review = self.calibration.needs_review(found.features)
         return [

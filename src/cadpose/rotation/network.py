@@ -98,7 +98,14 @@ class RotationNetwork:
         providers = ["CPUExecutionProvider"]
         if self.device.startswith("cuda"):
             providers.insert(0, "CUDAExecutionProvider")
-        return ort.InferenceSession(str(self.path), options, providers=providers)
+        try:
+            session = ort.InferenceSession(str(self.path), options, providers=providers)
+            known = "categories" in session.get_modelmeta().custom_metadata_map
+        except Exception as error:  # ONNX Runtime's errors share no class of their own
+            raise DependencyError(f"{self.path} cannot be run as a rotation network ({error})") from error
+        if not known:
+            raise DependencyError(f"{self.path} is no rotation network of cadpose: it names no categories")
+        return session
 
     @cached_property
     def categories(self) -> tuple[str, ...]:
