@@ -35,11 +35,11 @@ _TRIPLES = 40
 #: Cosines of the vote are divided by this before they are added to the log probability.
 _VOTE_TEMPERATURE = 0.02
 #: Weight of the log probability beside the vote.
-_NETWORK_WEIGHT = 0.5
+_NETWORK_WEIGHT = 1.0
 #: The vote of grid points within this angle speaks for a rotation, degrees.
 _NEAR = 12.0
-#: Share of the network's angles where the vote's peak is near enough to be averaged with.
-_NETWORK_SHARE = 0.6
+#: Share of a proposal where the peak of both is near enough to be averaged with.
+_NETWORK_SHARE = 0.5
 #: The shipped calibration, fitted by scripts/fit_rotation_calibration.py.
 CALIBRATION = "rotation-calibration.json"
 #: Names of the features that the probability is made of.
