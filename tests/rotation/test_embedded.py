@@ -24,7 +24,7 @@ def blend(a: AngleDistributions, b: AngleDistributions, share: float) -> AngleDi
 
 def vote_for(azimuth: float, elevation: float, height: float = 0.1) -> np.ndarray:
     distance = geodesic_degrees(rotation_from_angles(azimuth, elevation), grid_rotations())
-    return 0.3 + height * np.exp(-((distance / 15.0) ** 2))
+    return np.asarray(0.3 + height * np.exp(-((distance / 15.0) ** 2)))
 
 
 def best(found: Proposals) -> np.ndarray:
