@@ -55,3 +55,8 @@ def test_every_core_dependency_is_accounted_for() -> None:
     names = {re.split(r"[<>=!~ \[;]", requirement)[0] for requirement in project["dependencies"]}
     headings = set(re.findall(r"^## `([^`]+)`$", (DOCS / "dependencies.md").read_text("utf-8"), re.MULTILINE))
     assert headings == names
+
+
+def test_no_placeholder_is_left() -> None:
+    for page in sorted((REPOSITORY / "docs").rglob("*.md")):
+        assert not re.search(r"\bFIG[A-Z]+\b", page.read_text(encoding="utf-8")), page

@@ -114,7 +114,7 @@ def test_provenance_names_everything_that_took_part(annotator: Annotator, hatch:
         "library": annotator.library.digest,
         "detector": "embedded",
         "masks": "grabcut",
-        "rotation": "render-and-compare",
+        "rotation": "embedded",
         "similarity": annotator.similarity.name,
         "renderer": "raster-2x2",
         "align_to": "box",
@@ -259,7 +259,7 @@ def test_the_detector_runs_only_when_nothing_is_given(small_library: Library, ha
     [
         ("detector", "embedded"),
         ("masks", "grabcut"),
-        ("rotation", "render-and-compare"),
+        ("rotation", "embedded"),
         ("similarity", "aligned, fused, sm1"),
         ("renderer", "raster, blender"),
         ("device", "cpu, cuda"),
