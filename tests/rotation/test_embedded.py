@@ -28,7 +28,7 @@ def vote_for(azimuth: float, elevation: float, height: float = 0.1) -> np.ndarra
 
 
 def best(found: Proposals) -> np.ndarray:
-    return found.R_cv_from_s[0]
+    return np.asarray(found.R_cv_from_s[0])
 
 
 def test_where_both_agree_the_answer_is_there() -> None:
