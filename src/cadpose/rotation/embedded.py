@@ -91,6 +91,7 @@ class EmbeddedRotation:
         self.symmetry = symmetry
         self.hypotheses = hypotheses
         self._calibration = calibration
+        self._groups: dict[tuple[str, str], SymmetryGroup] = {}
 
     @cached_property
     def calibration(self) -> Calibration:
@@ -144,8 +145,16 @@ class EmbeddedRotation:
         # Nearly all objects are their own mirror image, so the mirrored crop is a second witness.
         vote = (voted(cosines) + voted(mirrored)[grid_mirrored()]) / 2.0
         best_cad = cads[int(cosines.max(axis=1).argmax())]
-        group = SymmetryGroup.trivial() if self.symmetry is None else self.symmetry(best_cad)
-        return fused(angles, vote, group.about(), self.hypotheses)
+        return fused(angles, vote, self._group(best_cad), self.hypotheses)
+
+    def _group(self, cad: CadModel) -> SymmetryGroup:
+        """The model's symmetry about its upright axis, asked for once: it may have to be worked out."""
+        if self.symmetry is None:
+            return SymmetryGroup.trivial()
+        key = (cad.id, cad.sha256)
+        if key not in self._groups:
+            self._groups[key] = self.symmetry(cad).about()
+        return self._groups[key]
 
 
 def fused(angles: AngleDistributions, vote: FloatArray, group: SymmetryGroup, count: int) -> Proposals:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cadpose.errors import DependencyError
 from cadpose.geometry.frames import FloatArray
-from cadpose.rotation.bins import BIN_DEGREES, BINS, angles_from_labels, probabilities
+from cadpose.rotation.bins import BIN_DEGREES, BINS, decode_hypotheses, probabilities
 from cadpose.rotation.features import Described
 
 #: Name of the shipped network.
@@ -44,15 +44,9 @@ class AngleDistributions:
 
     def likeliest(self, count: int) -> tuple[FloatArray, FloatArray]:
         """(count, 3) angles of the likeliest triples of bins, and (count,) their probabilities."""
-        few = [np.argsort(-s, kind="stable")[:count] for s in self.shares]
-        joint = np.einsum("a,e,i->aei", *(s[k] for s, k in zip(self.shares, few, strict=True)))
-        first = np.argsort(-joint.ravel(), kind="stable")[:count]
-        places = np.unravel_index(first, joint.shape)
-        labels = [
-            (k[place] + o[k[place]]) * float(BIN_DEGREES)
-            for k, o, place in zip(few, self.offsets, places, strict=True)
-        ]
-        return angles_from_labels(np.stack(labels, axis=-1)), joint.ravel()[first]
+        logits = [np.log(np.maximum(s, 1e-12))[None] for s in self.shares]
+        angles, chances = decode_hypotheses(logits, [o[None] for o in self.offsets], count)
+        return angles[0], chances[0]
 
     def density(self, angles: FloatArray) -> FloatArray:
         """(N, 3) angles in degrees to (N,) log probability, smooth between the middles of bins."""

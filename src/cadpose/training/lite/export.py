@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -85,7 +86,7 @@ def export(tuned: LitePose, head: MapHead, path: Path, told: dict[str, str] | No
     write_atomic(path, blob)
 
 
-def _halve(model: "onnx.ModelProto") -> None:  # type: ignore[name-defined]  # noqa: F821, UP037
+def _halve(model: Any) -> None:
     """Keep weights in half precision, cast when the file is loaded."""
     import onnx
     from onnx import numpy_helper
