@@ -197,3 +197,11 @@ def test_stage_two(small_library: Library, held_out: str, tmp_path: Path) -> Non
     assert go(resume=True).epochs == report.epochs and report.network.read_bytes() == before
     with pytest.raises(InputError, match="--arch lite0 --head"):
         lite0_head.export(str(report.network), tmp_path / "a.onnx")
+
+
+def test_a_damaged_checkpoint_is_told_in_a_sentence(tmp_path: Path) -> None:
+    path = tmp_path / CHECKPOINT
+    path.write_bytes(bytes(range(200)))
+    nothing: Any = None  # damage is found before any of them is asked for
+    with pytest.raises(CadposeError, match=r"checkpoint.*is damaged .*train from the beginning"):
+        train._load(path, {}, nothing, nothing, nothing, torch.device("cpu"))

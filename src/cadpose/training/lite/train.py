@@ -283,13 +283,22 @@ def _load(
     optimiser: torch.optim.Optimizer,
     where: torch.device,
 ) -> tuple[int, int]:
-    state = torch.load(path, map_location=where, weights_only=True)
-    if state["told"] != json.dumps(told):
-        raise CadposeError(f"{path} was made with another recipe: choose a new folder, or the same options")
-    model.load_state_dict(state["model"])
-    average.load_state_dict(state["average"])
-    optimiser.load_state_dict(state["optimiser"])
-    return int(state["step"]), int(state["photos"])
+    try:
+        state = torch.load(path, map_location=where, weights_only=True)
+        if state["told"] != json.dumps(told):
+            raise CadposeError(
+                f"{path} was made with another recipe: choose a new folder, or the same options"
+            )
+        model.load_state_dict(state["model"])
+        average.load_state_dict(state["average"])
+        optimiser.load_state_dict(state["optimiser"])
+        return int(state["step"]), int(state["photos"])
+    except CadposeError:
+        raise
+    except Exception as error:  # a damaged archive raises nearly anything
+        raise CadposeError(
+            f"{path} is damaged ({type(error).__name__}): delete it and train from the beginning"
+        ) from error
 
 
 def trained_network(path: Path) -> LitePose:
