@@ -11,7 +11,7 @@ from cadpose.errors import InputError
 from cadpose.library.catalogue import Library
 from cadpose.rotation.features import LEVELS
 from cadpose.training.lite import maps
-from cadpose.training.lite.augment import Augmentation
+from cadpose.training.lite.augment import GENTLE, Augmentation
 from cadpose.training.lite.maps import Maps, draw_shards
 from tests.training.lite.made import made_maps, source_of
 
@@ -55,8 +55,8 @@ def test_shards_are_the_same_whoever_draws_and_go_on(
     small_library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(maps, "SHARD", 3)  # forked workers see it
-    source, told = source_of(small_library), Augmentation()
-    one = list(draw_shards(source, tmp_path / "one", range(3), augmentation=told, workers=1))
+    source, told = source_of(small_library), [GENTLE, Augmentation()]
+    one = list(draw_shards(source, tmp_path / "one", range(3), augmentations=told, workers=1))
     drawn = Maps.from_file(one[0])
     assert len(drawn) % 2 == 0 and len(drawn) >= 2
     assert [c.shape[1:] for c in drawn.cells] == [(level.cells, level.channels) for level in LEVELS]
@@ -70,7 +70,7 @@ def test_shards_are_the_same_whoever_draws_and_go_on(
     kept.parent.mkdir()
     kept.write_bytes(one[1].read_bytes())
     when = kept.stat().st_mtime_ns
-    two = list(draw_shards(source, kept.parent, (2, 1, 0), augmentation=told, workers=2, on_done=done.append))
+    two = list(draw_shards(source, kept.parent, (2, 1, 0), augmentations=told, workers=2, on_done=done.append))
     assert {p.name for p in two} == {p.name for p in one} and kept not in done and len(done) == 2
     assert kept.stat().st_mtime_ns == when
     assert [p.read_bytes() for p in sorted(two)] == [p.read_bytes() for p in one]
@@ -83,6 +83,6 @@ def test_one_crop_of_the_main_objects(
     monkeypatch.setattr(maps, "SHARD", 3)
     (path,) = draw_shards(
         source_of(small_library, company=1.0, size=160), tmp_path, [0],
-        augmentation=Augmentation(), crops_each=1, main_only=True, workers=1,
+        augmentations=[Augmentation()], main_only=True, workers=1,
     )  # fmt: skip
     assert 1 <= len(Maps.from_file(path)) <= 3

@@ -47,6 +47,10 @@ class Augmentation:
 
 
 NOTHING = Augmentation(*([0.0] * 12))
+#: What an ordinary photo and a detector's box may do.
+GENTLE = Augmentation(
+    jitter=0.1, turn_degrees=15.0, colour=0.2, grey=0.08, small=0.15, blur=0.1, noise=0.15, erase=0.0
+)
 
 
 def crops(

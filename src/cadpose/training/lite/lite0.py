@@ -13,7 +13,7 @@ from cadpose.training.architectures import OnStep, TrainingOptions, TrainingRepo
 from cadpose.training.devices import torch_device
 from cadpose.training.lite.curves import Curves, Row, unseen_rows
 from cadpose.training.lite.folder import begin
-from cadpose.training.lite.sources import UNSEEN_PHOTOS, lite0_weights, sources
+from cadpose.training.lite.sources import UNSEEN_PHOTOS, lite0_options, sources
 from cadpose.training.lite.train import CHECKPOINT, Recipe, plain, trained_network
 from cadpose.training.lite.train import train as fine_tune
 
@@ -48,7 +48,7 @@ def train(
     numbers = {"steps": options.steps, "batch": options.batch_size}
     chosen = {k: v for k, v in numbers.items() if v is not None}
     how = Recipe(seed=options.seed, **{**told, **chosen, **recipe})
-    drawn = sources(Library.open(options.library), options.backgrounds, lite0_weights, options.seed)
+    drawn = sources(Library.open(options.library), options.backgrounds, lite0_options, options.seed)
     settings = {"architecture": backbone, **drawn.to_json(), "recipe": plain(how)}
     begin(options.out, settings, options.resume)
     fine_tune(

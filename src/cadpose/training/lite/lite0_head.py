@@ -12,13 +12,13 @@ from cadpose.errors import InputError
 from cadpose.library.catalogue import Library
 from cadpose.training.architectures import OnStep, TrainingOptions, TrainingReport
 from cadpose.training.devices import torch_device
-from cadpose.training.lite.augment import NOTHING, Augmentation
+from cadpose.training.lite.augment import GENTLE, NOTHING, Augmentation
 from cadpose.training.lite.curves import Curves, Row
 from cadpose.training.lite.folder import begin
 from cadpose.training.lite.head import CHECKPOINT, HeadRecipe, save_head, train_head
 from cadpose.training.lite.lite0 import told_of
 from cadpose.training.lite.maps import SHARD, Maps, draw_shards
-from cadpose.training.lite.sources import UNSEEN_PHOTOS, head_weights, sources
+from cadpose.training.lite.sources import UNSEEN_PHOTOS, head_options, sources
 
 HEAD = "head.pt"
 #: Photos to learn from; each gives two crops of every object in it.
@@ -52,7 +52,7 @@ def train(
     torch_device(options.device)
     numbers = {"epochs": options.epochs, "batch": options.batch_size}
     how = HeadRecipe(seed=options.seed, **{**{k: v for k, v in numbers.items() if v is not None}, **recipe})
-    drawn = sources(Library.open(options.library), options.backgrounds, head_weights, options.seed)
+    drawn = sources(Library.open(options.library), options.backgrounds, head_options, options.seed)
     shards = _shards(options.photos or PHOTOS)
     unseen_shards = _shards(unseen_photos or UNSEEN_PHOTOS) if drawn.unseen else range(0)
     settings = {
@@ -72,8 +72,7 @@ def train(
             drawn.unseen,
             options.out / "maps" / "unseen",
             unseen_shards,
-            augmentation=_UNSEEN,
-            crops_each=1,
+            augmentations=[_UNSEEN],
             main_only=True,
             workers=workers,
         )
@@ -82,7 +81,7 @@ def train(
         drawn.train,
         options.out / "maps" / "train",
         shards,
-        augmentation=Augmentation(),
+        augmentations=[GENTLE, Augmentation()],
         workers=workers,
     )
     kept = sorted(map(done, files))

@@ -130,8 +130,7 @@ def draw_shards(
     folder: Path,
     shards: Sequence[int],
     *,
-    augmentation: Augmentation,
-    crops_each: int = 2,
+    augmentations: Sequence[Augmentation],
     main_only: bool = False,
     workers: int = 2,
     on_done: Callable[[Path], None] = lambda _: None,
@@ -139,6 +138,15 @@ def draw_shards(
     """Draw those shards that are not there yet; yields the path of each.
 
     A shard depends on the source, its number and the options alone, so a killed run goes on where it was.
+
+    Args:
+        source: What photos are drawn from.
+        folder: Where the shards lie.
+        shards: Their numbers.
+        augmentations: Every object is cut out once with each.
+        main_only: Leave out the objects beside the main one.
+        workers: Processes.
+        on_done: Called with every shard that was drawn.
 
     Raises:
         CadposeError: a drawing process was killed.
@@ -152,7 +160,7 @@ def draw_shards(
     pool = ProcessPoolExecutor(max(1, workers), initializer=_one_thread)
     try:
         jobs = [
-            pool.submit(_draw, source, k, path, augmentation, crops_each, main_only) for k, path in missing
+            pool.submit(_draw, source, k, path, tuple(augmentations), main_only) for k, path in missing
         ]
         for job in jobs:
             path = job.result()
@@ -183,7 +191,7 @@ def _generator(source: Source) -> SynthGenerator:
 
 
 def _draw(
-    source: Source, shard: int, path: Path, augmentation: Augmentation, crops_each: int, main_only: bool
+    source: Source, shard: int, path: Path, augmentations: tuple[Augmentation, ...], main_only: bool
 ) -> Path:
     generator = _generator(source)
     found = objects(generator, range(shard * SHARD, (shard + 1) * SHARD), source.categories, main_only)
@@ -192,7 +200,7 @@ def _draw(
         return path
     seeded = torch.Generator().manual_seed(source.seed * 1_000_003 + shard)
     parts = []
-    for _ in range(crops_each):
+    for augmentation in augmentations:
         targets = Targets(found.angles, found.turns)
         images, changed = crops(found.photos, found.boxes, found.visible_boxes, targets, augmentation, seeded)
         pixels = np.ascontiguousarray(images.round().to(torch.uint8).permute(0, 2, 3, 1).numpy())

@@ -26,7 +26,8 @@ UNSEEN_SEED = 77
 #: Photos of unseen models that are measured on.
 UNSEEN_PHOTOS = 14 * 96
 
-Weights = Callable[[Mapping[str, int]], dict[str, float]]
+#: From the number of models of each category to what the photos are like.
+Options = Callable[[Mapping[str, int]], SynthOptions]
 
 
 @dataclass(frozen=True)
@@ -50,25 +51,28 @@ class Sources:
         }
 
 
-def lite0_weights(counts: Mapping[str, int]) -> dict[str, float]:
-    """How often stage one draws each category: min(14, √n) of n models.
+def lite0_options(counts: Mapping[str, int]) -> SynthOptions:
+    """What stage one draws: of n models of a category, min(14, √n) parts.
 
     Half as often again those that are photographed most and have a front: car, chair, sofa, bed.
     """
     more = {"car", "chair", "sofa", "bed"}
-    return {c: min(14.0, math.sqrt(n)) * (1.5 if c in more else 1.0) for c, n in counts.items()}
+    weights = {c: min(14.0, math.sqrt(n)) * (1.5 if c in more else 1.0) for c, n in counts.items()}
+    return SynthOptions(size=SIZE, weights=weights)
 
 
-def head_weights(counts: Mapping[str, int]) -> dict[str, float]:
-    """How often stage two draws each category: min(12, √n) of n models.
+def head_options(counts: Mapping[str, int]) -> SynthOptions:
+    """What stage two draws: of n models of a category, min(12, √n) parts.
 
-    Furniture and cars much more often: car and chair 42, sofa and bed 28, table 20, cabinet 16.
+    Cars and furniture much more often, and all of it less degraded than stage one: what tells a car's front
+    from its back is lost in a blurred photo.
     """
-    fixed = {"car": 42.0, "chair": 42.0, "sofa": 28.0, "bed": 28.0, "table": 20.0, "cabinet": 16.0}
-    return {c: fixed.get(c, min(12.0, math.sqrt(n))) for c, n in counts.items()}
+    fixed = {"car": 90.0, "chair": 50.0, "sofa": 35.0, "bed": 30.0, "table": 24.0, "cabinet": 18.0}
+    weights = {c: fixed.get(c, min(12.0, math.sqrt(n))) for c, n in counts.items()}
+    return SynthOptions(size=SIZE, weights=weights, redress=0.5, degrade=0.12)
 
 
-def sources(library: Library, backgrounds: Path | None, weights: Weights, seed: int = 0) -> Sources:
+def sources(library: Library, backgrounds: Path | None, options: Options, seed: int = 0) -> Sources:
     """What to draw of a library. Held-out models and those that look like one are never learned from.
 
     Models of categories without a front (``LEFT_OUT``), and Sweet Home 3D models that are unfit or still in
@@ -77,7 +81,7 @@ def sources(library: Library, backgrounds: Path | None, weights: Weights, seed: 
     Args:
         library: CAD models.
         backgrounds: Folder of photos to cut backdrops from, None for made-up ones.
-        weights: From the number of models of each category to how often it is drawn.
+        options: What the photos to learn from are like.
         seed: Of the photos to learn from.
 
     Raises:
@@ -103,10 +107,9 @@ def sources(library: Library, backgrounds: Path | None, weights: Weights, seed: 
             "gather the training library as docs/training-shapes.md tells"
         )
     names = tuple(counts)
-    options = SynthOptions(size=SIZE, weights=weights(counts))
     quiet = SynthOptions(size=SIZE, company=0.1, truncate=0.03)
     return Sources(
-        Source(library.path, train, backgrounds, names, options, seed),
+        Source(library.path, train, backgrounds, names, options(counts), seed),
         Source(library.path, tuple(m.id for m in held), backgrounds, names, quiet, UNSEEN_SEED)
         if held
         else None,
