@@ -70,7 +70,9 @@ def test_shards_are_the_same_whoever_draws_and_go_on(
     kept.parent.mkdir()
     kept.write_bytes(one[1].read_bytes())
     when = kept.stat().st_mtime_ns
-    two = list(draw_shards(source, kept.parent, (2, 1, 0), augmentations=told, workers=2, on_done=done.append))
+    two = list(
+        draw_shards(source, kept.parent, (2, 1, 0), augmentations=told, workers=2, on_done=done.append)
+    )
     assert {p.name for p in two} == {p.name for p in one} and kept not in done and len(done) == 2
     assert kept.stat().st_mtime_ns == when
     assert [p.read_bytes() for p in sorted(two)] == [p.read_bytes() for p in one]

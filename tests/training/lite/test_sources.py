@@ -35,7 +35,7 @@ def test_held_out_models_and_their_lookalikes_are_never_drawn(
     plain = sources(small_library, None, head_options, 5)
     assert set(plain.train.models) == set(ids.values()) and plain.unseen is None
     assert plain.train.categories == ("car", "chair") and plain.train.seed == 5
-    assert plain.train.options.size == 256 and plain.train.options.weights == {"car": 42, "chair": 42}
+    assert plain.train.options.size == 256 and plain.train.options.weights == {"car": 90, "chair": 50}
 
     hold_out(monkeypatch, {ids["hatch.obj"]}, {ids["throne.glb"]})
     told = sources(small_library, None, head_options)

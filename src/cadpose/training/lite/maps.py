@@ -159,9 +159,7 @@ def draw_shards(
     cv2.setNumThreads(1)
     pool = ProcessPoolExecutor(max(1, workers), initializer=_one_thread)
     try:
-        jobs = [
-            pool.submit(_draw, source, k, path, tuple(augmentations), main_only) for k, path in missing
-        ]
+        jobs = [pool.submit(_draw, source, k, path, tuple(augmentations), main_only) for k, path in missing]
         for job in jobs:
             path = job.result()
             on_done(path)
