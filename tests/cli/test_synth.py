@@ -6,10 +6,12 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from cadpose.datasets.labels import read_labels
 from cadpose.library.catalogue import Library
+from cadpose.training import held_out
 from tests.cli.invoking import cadpose, one_sentence, said
 
 
@@ -56,6 +58,18 @@ def test_backgrounds_are_used(small_library: Library, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     corners = [np.asarray(Image.open(p))[0, 0].tolist() for p in sorted((tmp_path / "out/photos").iterdir())]
     assert 8 <= corners.count([0, 255, 0]) < 24
+
+
+def test_only_held_out_models(
+    small_library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hatch = next(m.id for m in small_library.models() if m.id.endswith("hatch.obj"))
+    monkeypatch.setattr(held_out, "read_held_out", lambda lookalikes: {"car": frozenset({hatch})})
+    said(cadpose(*synth(small_library, tmp_path / "out", "--held-out", "--count", 6, "--json")))
+    shown = [json.loads(line)["cad"] for line in (tmp_path / "out/labels.jsonl").read_text().splitlines()]
+    assert len(shown) >= 6 and set(shown) == {hatch}
+    monkeypatch.setattr(held_out, "read_held_out", lambda lookalikes: {"car": frozenset({"other"})})
+    one_sentence(cadpose(*synth(small_library, tmp_path / "b", "--held-out")), "none of the models", "car")
 
 
 def test_mistakes(small_library: Library, tmp_path: Path) -> None:

@@ -59,6 +59,10 @@ def rotation(
             "--symmetry", help="Forgive turns that look alike: by the labelled model, or also by category."
         ),
     ] = "cad",
+    pool: Annotated[
+        Literal["usual", "with-true", "without-true"],
+        typer.Option("--pool", help="Whether the labelled CAD model is among those that vote."),
+    ] = "usual",
     estimator: Estimator = "embedded",
     library: LibraryFolder = None,
     candidates: Candidates = 10,
@@ -75,6 +79,7 @@ def rotation(
     from cadpose.errors import CadposeError
     from cadpose.evaluation.confidence import confidence_figures
     from cadpose.evaluation.perturbations import Perturbation
+    from cadpose.evaluation.pool import label_pool
     from cadpose.evaluation.report import prepare_report
     from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
     from cadpose.evaluation.symmetry import label_symmetry
@@ -93,10 +98,13 @@ def rotation(
     annotator = make_annotator(
         library, device=device, seed=seed, candidates=candidates, renderer=renderer, estimator=estimator
     )
+    voters = label_pool(annotator.library, pool, candidates)
     with progress_bar("rotation", len(wanted)) as bar:
         results = evaluate_rotation(
             perturbation.turned_labels(wanted),
-            lambda label: annotator.estimate_rotation(*perturbation.object_in_photo(label), label.category),
+            lambda label: annotator.estimate_rotation(
+                *perturbation.object_in_photo(label), label.category, voters(label)
+            ),
             CadposeError,
             lambda _: bar.advance(bar.tasks[0].id),
             label_symmetry(annotator.library, symmetry),

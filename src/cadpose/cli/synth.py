@@ -18,6 +18,10 @@ def synth(
     count: Annotated[int, typer.Option("--count", min=1, help="Photos in the folder.")] = 100,
     size: Annotated[int, typer.Option("--size", min=32, max=4096, help="Side of a photo in pixels.")] = 224,
     category: Categories = None,
+    held_out: Annotated[
+        bool,
+        typer.Option("--held-out", help="Only models that no shipped network was trained on."),
+    ] = False,
     backgrounds: Annotated[
         Path | None,
         typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
@@ -64,6 +68,7 @@ def synth(
     from cadpose.annotations.files import write_atomic
     from cadpose.annotations.style import jpeg_bytes
     from cadpose.library.catalogue import Library
+    from cadpose.training.held_out import read_held_out
     from cadpose.training.synth.options import SynthOptions
     from cadpose.training.synth.recipe import Recipe
     from cadpose.training.synth.sheet import sheet
@@ -80,9 +85,11 @@ def synth(
         shadow=usual.shadow if shadows else 0.0,
         degrade=usual.degrade if flaws else 0.0,
     )
+    kept = read_held_out(lookalikes=False)
     recipe = Recipe.from_library(
         Library.open(library),
-        category,
+        category or (sorted(kept) if held_out else None),
+        only={i for ids in kept.values() for i in ids} if held_out else None,
         backdrops=backgrounds,
         options=options,
         seed=seed,

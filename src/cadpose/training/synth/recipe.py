@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -53,6 +53,7 @@ class Recipe:
         library: Library,
         categories: Sequence[str] | None = None,
         *,
+        only: Collection[str] | None = None,
         backdrops: Path | None = None,
         options: SynthOptions | None = None,
         seed: int = 0,
@@ -60,10 +61,10 @@ class Recipe:
         hdri: Path | None = None,
         samples: int = 16,
     ) -> Recipe:
-        """Every model of some categories, or of all.
+        """Every model of some categories, or of all; with ``only`` those of these ids.
 
         Raises:
-            LibraryError: the library has no model of a category.
+            LibraryError: the library has no model of a category, or none of ``only``.
             InputError: ``backdrops`` is no folder with photos in it, or ``hdri`` none with panoramas, or
                 panoramas are given for the rasteriser.
             DependencyError: Blender is not set up.
@@ -85,7 +86,11 @@ class Recipe:
                 hdri_files(hdri)
         elif hdri is not None:
             raise InputError(f"{hdri}: panoramas light Blender's photos only, add --renderer blender")
-        models = tuple(m.id for m in library.models() if m.category in wanted)
+        models = tuple(
+            m.id for m in library.models() if m.category in wanted and (only is None or m.id in only)
+        )
+        if not models:
+            raise LibraryError(f"the library has none of the models asked for in {', '.join(wanted)}")
         options = options or SynthOptions()
         return cls(library.path, models, backdrops, options, seed, renderer, hdri, samples)
 
