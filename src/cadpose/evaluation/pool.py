@@ -20,8 +20,8 @@ def label_pool(
 
     Args:
         library: Where the labels' CAD models are.
-        kind: ``usual``: the category's representatives, as for any photo. ``with-true``: the labelled model is
-            one of them. ``without-true``: it is none of them.
+        kind: ``usual``: the category's representatives, as for any photo. ``with-true``: the labelled model
+            is one of them. ``without-true``: it is none of them.
         candidates: How many models vote at most.
 
     Returns:
