@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import http.server
+import tempfile
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -11,7 +12,17 @@ import pytest
 
 from cadpose import weights
 from cadpose.errors import DependencyError
-from cadpose.weights import REGISTRY, Weights, cache_folder, ensure, is_intact, location
+from cadpose.weights import (
+    REGISTRY,
+    UNPUBLISHED,
+    Unpublished,
+    Weights,
+    cache_folder,
+    ensure,
+    is_intact,
+    location,
+    placed,
+)
 
 DATA = bytes(range(256)) * 5000
 
@@ -136,3 +147,56 @@ def test_malformed_entries() -> None:
 def test_cache_folder_without_the_variable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("CADPOSE_CACHE")
     assert cache_folder().name == "cadpose"
+
+
+def test_unpublished_weights_are_never_fetched(cache: Path) -> None:
+    assert {"delf", "delf-v1"} <= set(UNPUBLISHED)
+    for name, entry in UNPUBLISHED.items():
+        assert name == entry.name and entry.url.startswith("https://")
+        with pytest.raises(DependencyError) as caught:
+            placed(entry)
+        message = str(caught.value)
+        assert entry.url in message and str(cache / entry.file) in message and "\n" not in message
+
+
+def test_unpublished_weights_must_not_change(cache: Path, caplog: pytest.LogCaptureFixture) -> None:
+    entry = Unpublished("net", "net.pth", "https://example.org/net.pth", "unknown")
+    cache.mkdir(parents=True)
+    (cache / "net.pth").write_bytes(DATA)
+    record = cache / "net.pth.sha256"
+    assert placed(entry) == cache / "net.pth"
+    assert record.read_text().split() == [hashlib.sha256(DATA).hexdigest(), "net.pth"]
+    assert "first time" in caplog.text
+    assert placed(entry) == cache / "net.pth"
+    (cache / "net.pth").write_bytes(DATA[:-1])
+    with pytest.raises(DependencyError, match=r"changed since its first use .* https://example\.org"):
+        placed(entry)
+    record.write_bytes(b"\xff")
+    with pytest.raises(DependencyError, match="changed since"):
+        placed(entry)
+    record.unlink()
+    assert placed(entry) == cache / "net.pth"
+    assert sorted(p.name for p in cache.iterdir()) == ["net.pth", "net.pth.sha256"]
+
+
+def test_a_published_md5_is_checked(cache: Path) -> None:
+    cache.mkdir(parents=True)
+    (cache / "net.pth").write_bytes(DATA)
+    right = hashlib.md5(DATA).hexdigest()
+    assert placed(Unpublished("net", "net.pth", "https://example.org", "unknown", right)).is_file()
+    with pytest.raises(DependencyError, match="MD5 differs"):
+        placed(Unpublished("net", "net.pth", "https://example.org", "unknown", "0" * 32))
+
+
+def test_a_folder_that_cannot_be_written_is_no_obstacle(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    cache.mkdir(parents=True)
+    (cache / "net.pth").write_bytes(DATA)
+
+    def refuse(*args: object, **kwargs: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(tempfile, "NamedTemporaryFile", refuse)
+    assert placed(Unpublished("net", "net.pth", "https://example.org", "unknown")).is_file()
+    assert "cannot be written" in caplog.text

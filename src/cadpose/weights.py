@@ -2,13 +2,15 @@
 
 Weights that come inside a Python package are found without importing it. All others are downloaded once
 into ``$CADPOSE_CACHE/weights`` (default: the user's cache folder), checked against their SHA-256, and
-can be put there by hand on a machine without network.
+can be put there by hand on a machine without network. Files whose SHA-256 nobody has published are never
+downloaded: a person puts them there, and a file that changes after its first use is refused.
 """
 
 from __future__ import annotations
 
 import hashlib
 import http.client
+import logging
 import os
 import tempfile
 import urllib.error
@@ -22,6 +24,8 @@ from pathlib import Path
 import platformdirs
 
 from cadpose.errors import DependencyError
+
+log = logging.getLogger(__name__)
 
 #: Seconds without a byte after which a download is given up.
 TIMEOUT = 30.0
@@ -123,6 +127,50 @@ REGISTRY: dict[str, Weights] = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Unpublished:
+    """One file of weights without a published SHA-256.
+
+    Attributes:
+        name: What code asks for.
+        file: File name in the cache's folder ``weights``.
+        url: Where a person can fetch it.
+        licence: As its publisher tells, ``"unknown"`` where not.
+        md5: Published MD5, or empty.
+    """
+
+    name: str
+    file: str
+    url: str
+    licence: str
+    md5: str = ""
+
+    @property
+    def path(self) -> Path:
+        """Where the file is looked for."""
+        return cache_folder() / "weights" / self.file
+
+
+#: What inference can use; training lists its own.
+UNPUBLISHED: dict[str, Unpublished] = {
+    u.name: u
+    for u in (
+        Unpublished(
+            name="delf",
+            file="delf_gld_20190411.tar.gz",
+            url="https://storage.googleapis.com/delf/delf_gld_20190411.tar.gz",
+            licence="Apache-2.0",
+        ),
+        Unpublished(
+            name="delf-v1",
+            file="delf_v1_20171026.tar.gz",
+            url="https://storage.googleapis.com/delf/delf_v1_20171026.tar.gz",
+            licence="Apache-2.0",
+        ),
+    )
+}
+
+
 def cache_folder() -> Path:
     """Where fetched weights and other things that can be made again are kept."""
     told = os.environ.get("CADPOSE_CACHE")
@@ -160,6 +208,44 @@ def ensure(name: str) -> Path:
     return target
 
 
+def placed(weights: Unpublished) -> Path:
+    """The path of weights that a person has put in place, checked as far as they can be.
+
+    The SHA-256 is written beside the file on first use.
+
+    Raises:
+        DependencyError: they are not there, are not the published file, or have changed since.
+    """
+    name, path = weights.name, weights.path
+    if not path.is_file():
+        raise DependencyError(
+            f"the weights {name} are not fetched by cadpose, for no SHA-256 of them is published: "
+            f"fetch {weights.url} and put it at {path}"
+        )
+    try:
+        if weights.md5 and _digest_now(path, "md5") != weights.md5:
+            raise DependencyError(
+                f"{path} is not the published file (MD5 differs): fetch {weights.url} again"
+            )
+        digest = _digest(path, path.stat().st_mtime_ns)
+    except OSError as error:
+        raise DependencyError(f"{path} cannot be read ({error.strerror}), look at its permissions") from None
+    record = path.with_name(path.name + ".sha256")
+    try:
+        known = record.read_text(encoding="ascii").split()[0] if record.is_file() else ""
+    except (OSError, ValueError, IndexError):
+        known = "unreadable"
+    if not known:
+        log.warning("%s is used for the first time; its SHA-256 %s is kept in %s", path, digest, record)
+        _record(record, f"{digest}  {path.name}\n")
+    elif known != digest:
+        raise DependencyError(
+            f"{path} has changed since its first use (SHA-256 differs from {record.name} beside it): "
+            f"fetch {weights.url} again, or delete {record} if you know why"
+        )
+    return path
+
+
 def location(weights: Weights) -> Path | None:
     """Where the file lies, unchecked, or None; downloads nothing and imports nothing."""
     if weights.package:
@@ -184,8 +270,28 @@ def is_intact(weights: Weights, path: Path) -> bool:
 def _digest(path: Path, changed_ns: int) -> str:
     """SHA-256 of a file, once a process for each state of it."""
     del changed_ns  # part of the cache key only
+    return _digest_now(path, "sha256")
+
+
+def _digest_now(path: Path, algorithm: str) -> str:
     with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        return hashlib.file_digest(file, algorithm).hexdigest()
+
+
+def _record(path: Path, text: str) -> None:
+    """Whole or not at all: a folder that cannot be written weakens the check, the weights stay useful."""
+    beside: Path | None = None
+    try:
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=".part-", delete=False) as file:
+            beside = Path(file.name)
+            file.write(text)
+        beside.replace(path)
+    except OSError as error:
+        log.warning(
+            "%s cannot be written (%s): a change of the file will not be noticed", path, error.strerror
+        )
+        if beside is not None:
+            beside.unlink(missing_ok=True)
 
 
 def _download(weights: Weights, target: Path) -> None:
