@@ -9,12 +9,12 @@ import pytest
 import torch
 
 from cadpose.errors import DependencyError, InputError
+from cadpose.training.checkpoints import read_checkpoint
 from cadpose.training.posecontrast.loading import (
     CHECKPOINTS,
     checkpoint_file,
     load_initial,
     load_weights,
-    read_checkpoint,
 )
 from cadpose.training.posecontrast.network import PoseContrast
 from tests.training.posecontrast.made import TINY, authors_content, moco_content

@@ -16,10 +16,10 @@ from cadpose.photos import crop_square, read_photo
 from cadpose.rotation.bins import decode, encode_angles
 from cadpose.rotation.posecontrast import OUTPUTS, PoseContrastEstimator
 from cadpose.training.architectures import TrainingOptions, TrainingReport
+from cadpose.training.checkpoints import read_checkpoint
 from cadpose.training.posecontrast import augment
 from cadpose.training.posecontrast.data import training_batches, training_labels, validation_labels
 from cadpose.training.posecontrast.export import export_onnx
-from cadpose.training.posecontrast.loading import read_checkpoint
 from cadpose.training.posecontrast.network import normalised
 from cadpose.training.posecontrast.train import RECIPE, export, loss_of, train
 from tests.training.posecontrast.made import TINY, authors_content, write_photos

@@ -14,22 +14,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from cadpose.errors import DependencyError, InputError
+from cadpose.errors import DependencyError
 from cadpose.library.storage import write_atomic
+from cadpose.training.checkpoints import read_checkpoint, set_weights, tensors
 from cadpose.training.posecontrast.network import PoseContrast
 from cadpose.weights import cache_folder
 
 log = logging.getLogger(__name__)
 
-#: Largest checkpoint that is read; MoCo's with its optimiser and queue has some 340 MB.
-MAX_BYTES = 2 * 2**30
 #: What precedes the encoder's names in MoCo's checkpoints.
 MOCO_PREFIX = "module.encoder_q."
-#: What weights are made of; the counters of batches are whole numbers.
-_NUMBERS = frozenset({torch.float16, torch.bfloat16, torch.float32, torch.float64, torch.int64})
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,32 +132,6 @@ def load_initial(network: PoseContrast, init: str) -> Literal["random", "encoder
     return load_weights(network, read_checkpoint(path), str(path))
 
 
-def read_checkpoint(path: Path) -> dict[str, Any]:
-    """A file of ``torch.save``: tensors, numbers, texts and containers of them, nothing else.
-
-    Raises:
-        InputError: it is not there, too large, or holds anything else.
-    """
-    try:
-        size = path.stat().st_size
-        if not path.is_file():
-            raise InputError(f"{path}: is not a file, name a checkpoint")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}), check the path") from error
-    if size > MAX_BYTES:
-        raise InputError(f"{path}: larger than {MAX_BYTES >> 30} GiB, which no checkpoint of this network is")
-    try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # the unpickler raises anything at all on hostile bytes
-        log.debug("%s", path, exc_info=True)
-        raise InputError(
-            f"{path}: is no checkpoint of plain tensors ({type(error).__name__}), fetch or save it anew"
-        ) from None
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: holds no dictionary of weights")
-    return content
-
-
 def load_weights(
     network: PoseContrast, content: Mapping[str, Any], name: str
 ) -> Literal["encoder", "network"]:
@@ -178,44 +148,19 @@ def load_weights(
         InputError: a parameter is missing, of another shape, or not finite.
     """
     if "net_feat" in content and "net_vp" in content:
-        encoder, head = _tensors(content["net_feat"], name), _tensors(content["net_vp"], name)
-        _set(network.net_feat, _without_last(encoder), name)
-        _set(network.net_vp, head, name)
+        encoder, head = tensors(content["net_feat"], name), tensors(content["net_vp"], name)
+        set_weights(network.net_feat, _without_last(encoder), name)
+        set_weights(network.net_vp, head, name)
         return "network"
-    weights = _tensors(content.get("state_dict", content.get("model", content)), name)
+    weights = tensors(content.get("state_dict", content.get("model", content)), name)
     if any(key.startswith(MOCO_PREFIX) for key in weights):
         weights = {k.removeprefix(MOCO_PREFIX): v for k, v in weights.items() if k.startswith(MOCO_PREFIX)}
-    _set(network.net_feat, _without_last(weights), name)
+    set_weights(network.net_feat, _without_last(weights), name)
     return "encoder"
-
-
-def _tensors(value: Any, name: str) -> dict[str, Tensor]:
-    if not isinstance(value, Mapping):
-        raise InputError(f"{name}: holds no dictionary of weights")
-    return {str(k): v for k, v in value.items() if isinstance(v, Tensor)}
 
 
 def _without_last(weights: dict[str, Tensor]) -> dict[str, Tensor]:
     return {k: v for k, v in weights.items() if not k.startswith("fc.")}
-
-
-def _set(module: nn.Module, weights: dict[str, Tensor], name: str) -> None:
-    """Strict, but for counters of batches, which old checkpoints lack, and for what the module has not."""
-    wanted = module.state_dict()
-    for key, own in wanted.items():
-        if key not in weights:
-            if key.endswith("num_batches_tracked"):
-                continue
-            raise InputError(f"{name}: is not a checkpoint of this network, it has no {key}")
-        if weights[key].shape != own.shape:
-            raise InputError(
-                f"{name}: {key} has shape {tuple(weights[key].shape)}, this network's has {tuple(own.shape)}"
-            )
-        if weights[key].dtype not in _NUMBERS or weights[key].layout != torch.strided:
-            raise InputError(f"{name}: {key} holds numbers of another kind, save it as float32")
-        if not torch.isfinite(weights[key]).all():
-            raise InputError(f"{name}: {key} holds values that are not numbers")
-    module.load_state_dict(wanted | {k: v for k, v in weights.items() if k in wanted})
 
 
 def _digest(path: Path, algorithm: str) -> str:

@@ -9,7 +9,6 @@ within a batch, which means nothing.
 
 from __future__ import annotations
 
-import io
 import json
 import logging
 from collections.abc import Iterable
@@ -30,7 +29,13 @@ from cadpose.library.storage import write_atomic
 from cadpose.records import Rotation
 from cadpose.rotation.bins import angles_from_labels, decode
 from cadpose.training.architectures import OnStep, TrainingOptions, TrainingReport
-from cadpose.training.devices import torch_device
+from cadpose.training.checkpoints import (
+    read_checkpoint,
+    read_resumable,
+    set_optimiser,
+    write_checkpoint,
+)
+from cadpose.training.devices import repeatable_device
 from cadpose.training.losses import TEMPERATURE, angle_loss, pose_aware_nce
 from cadpose.training.posecontrast.data import (
     Batch,
@@ -41,12 +46,11 @@ from cadpose.training.posecontrast.data import (
     validation_labels,
 )
 from cadpose.training.posecontrast.export import export_onnx
-from cadpose.training.posecontrast.loading import CHECKPOINTS, load_initial, load_weights, read_checkpoint
+from cadpose.training.posecontrast.loading import CHECKPOINTS, load_initial, load_weights
 from cadpose.training.posecontrast.network import Outputs, PoseContrast, normalised
 
 log = logging.getLogger(__name__)
 
-_FORMAT = 1
 #: Most blocks a stage, first channels and channels of the heads that a checkpoint may ask memory for.
 _MOST_BLOCKS, _MOST_WIDTH, _MOST_HIDDEN = 36, 128, 4096
 
@@ -109,7 +113,7 @@ def train(options: TrainingOptions, on_step: OnStep, recipe: Recipe | None = Non
         DependencyError: the device or the weights to start from are not there.
     """
     recipe = recipe or RECIPE
-    device = _device(options.device)
+    device = repeatable_device(options.device)
     if options.data is None:
         raise InputError("PoseContrast is trained on labelled photos: name a label file")
     labels = training_labels(options.data)
@@ -285,49 +289,15 @@ def _save(
     rows: list[dict[str, float]],
 ) -> None:
     """Under the authors' names, so that one reader does for both; their last layer ``fc`` is not there."""
-    content = {
-        "format": _FORMAT,
-        "epoch": len(rows),
-        "net_feat": network.net_feat.state_dict(),
-        "net_vp": network.net_vp.state_dict(),
-        "optimiser": optimiser.state_dict(),
-        "settings": settings,
-        "rows": rows,
-    }
-    buffer = io.BytesIO()
-    torch.save(content, buffer)
-    write_atomic(file, buffer.getvalue())
+    content = {"net_feat": network.net_feat.state_dict(), "net_vp": network.net_vp.state_dict()}
+    write_checkpoint(file, settings, optimiser, rows, content)
 
 
 def _restore(
     file: Path, settings: dict[str, Any], network: PoseContrast, optimiser: torch.optim.Optimizer
 ) -> list[dict[str, float]]:
     """Set network and optimiser as they were; the rows of the epochs that are done."""
-    if not file.is_file():
-        raise InputError(f"{file.parent}: holds no checkpoint.pt to resume from, leave out --resume")
-    content = read_checkpoint(file)
-    if content.get("format") != _FORMAT:
-        raise InputError(f"{file}: is not a checkpoint that a training can be resumed from")
-    was = content.get("settings")
-    if not isinstance(was, dict) or not isinstance(content.get("rows"), list):
-        raise InputError(f"{file}: is damaged, start the training anew in another folder")
-    if changed := sorted(key for key in settings if was.get(key) != settings[key]):
-        raise InputError(
-            f"{file}: was made with other {', '.join(changed)}; resume with the same, or name another folder"
-        )
+    content = read_resumable(file, settings)
     load_weights(network, content, str(file))
-    try:
-        optimiser.load_state_dict(content["optimiser"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{file}: is damaged ({error}), start the training anew in another folder"
-        ) from error
+    set_optimiser(optimiser, content, file)
     return list(content["rows"])
-
-
-def _device(name: str) -> torch.device:
-    device = torch_device(name)
-    # The same seed gives the same curves, as far as cuDNN goes.
-    torch.backends.cudnn.deterministic = True
-    torch.backends.cudnn.benchmark = False
-    return device
