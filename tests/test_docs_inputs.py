@@ -58,7 +58,7 @@ def everything(folder: Path) -> Label:
     identity = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     return Label(
         folder / "a.png", "car", Box(0, 0, 1, 1), "x", 0.0, 0.0, 0.0, folder / "m.png", 9.0, (1.0, 1.0),
-        identity, (0.0, 0.0, 1.0), "val", True, True, True, "mine",
+        identity, (0.0, 0.0, 1.0), "val", True, True, True, "mine", True,
     )  # fmt: skip
 
 

@@ -68,6 +68,7 @@ class Label:
         occluded: Something stands before the object.
         difficult: The data set's authors advise not to use it.
         source: The data set, for example ``"pascal3d"``.
+        synthetic: The photo was drawn, not taken.
 
     Raises:
         ValueError: an angle, focal length, matrix or vector is not one.
@@ -90,6 +91,7 @@ class Label:
     occluded: bool = False
     difficult: bool = False
     source: str | None = None
+    synthetic: bool = False
 
     def __post_init__(self) -> None:
         _ = self.rotation

@@ -13,7 +13,9 @@ from cadpose.library.class_map import category_from_name
 
 #: By how much the two focal lengths of K may differ, as a share.
 _SQUARE_TOLERANCE = 0.01
-_FLAGS = ("truncated", "occluded", "difficult")
+_FLAGS = ("truncated", "occluded", "difficult", "synthetic")
+#: Source of the labels that `cadpose synth` writes; such a photo is never taken for a real one.
+_SYNTH = "synth"
 
 
 def library_category(word: str) -> str:
@@ -45,6 +47,8 @@ def label_from_entry(entry: Any, where: str, folder: Path) -> Label:
     try:
         focal_px, principal_px = _camera(entry.get("K"))
         R = entry.get("R")
+        flags = {key: bool(entry.get(key)) for key in _FLAGS}
+        flags["synthetic"] |= entry.get("source") == _SYNTH
         return Label(
             photo=folder / entry["photo"],
             category=library_category(entry["category"]),
@@ -60,7 +64,7 @@ def label_from_entry(entry: Any, where: str, folder: Path) -> Label:
             t_cv=None if entry.get("t") is None else _vector(entry["t"], "t must be [x, y, z]"),
             split=entry.get("split"),
             source=entry.get("source"),
-            **{key: bool(entry.get(key)) for key in _FLAGS},
+            **flags,
         )
     except ValueError as error:
         raise InputError(f"{where}: {error}") from error

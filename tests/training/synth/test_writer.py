@@ -57,6 +57,7 @@ def test_labels_are_what_was_drawn(made: Path, small_library: Library) -> None:
     assert len(labels) == len(drawn) > 60
     for label, (index, found) in zip(labels, drawn, strict=True):
         assert label.photo == made / PHOTOS / f"{index:07d}.jpg" and label.source == "synth"
+        assert label.synthetic
         assert (label.cad, label.category) == (found.cad, found.category)
         assert label.rotation is not None and label.rotation.error_to(found.rotation) < 1e-4
         assert label.K is not None and label.box is not None and label.t_cv is not None

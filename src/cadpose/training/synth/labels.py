@@ -65,6 +65,7 @@ def label_from_json(photo: Path, entry: dict[str, Any]) -> Label:
         truncated=entry["truncated"],
         occluded=entry["occluded"],
         source=SOURCE,
+        synthetic=True,
     )
 
 
