@@ -63,9 +63,20 @@ def register(monkeypatch: pytest.MonkeyPatch, url: str, **changes: object) -> We
 
 
 def test_the_registrys_packaged_weights_are_there_and_intact() -> None:
-    for name, entry in REGISTRY.items():
+    packaged = {name: entry for name, entry in REGISTRY.items() if entry.package}
+    assert {"lite0-trunk", "rotation"} <= set(packaged)
+    for name, entry in packaged.items():
         path = ensure(name)
         assert path.stat().st_size == entry.size and is_intact(entry, path)
+
+
+def test_fetched_weights_come_from_where_their_name_says() -> None:
+    fetched = [entry for entry in REGISTRY.values() if not entry.package]
+    assert [entry.name for entry in fetched] == ["vgg16-imagenet"]
+    for entry in fetched:
+        assert entry.url.startswith("https://") and entry.url.endswith("/" + entry.file)
+        # PyTorch's file names end in the first digits of the SHA-256.
+        assert Path(entry.file).stem.rpartition("-")[2] == entry.sha256[:8]
 
 
 def test_the_ssd_is_never_part_of_this_project() -> None:

@@ -123,6 +123,16 @@ REGISTRY: dict[str, Weights] = {
             licence="unknown",
             **_SSD,
         ),
+        # Where the triplet baseline starts. torchvision's code is BSD-3-Clause; of its weights it says that
+        # they may have terms of their own.
+        Weights(
+            name="vgg16-imagenet",
+            file="vgg16-397923af.pth",
+            sha256="397923af8e79cdbb6a7127f12361acd7a2f83e06b05044ddf496e83de57a5bf0",
+            size=553433881,
+            licence="unknown",
+            url="https://download.pytorch.org/models/vgg16-397923af.pth",
+        ),
     )
 }
 
