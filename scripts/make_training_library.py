@@ -3,7 +3,7 @@
     CADPOSE_BENCH=../shared python scripts/make_training_library.py DIR
 
 It takes the Sweet Home 3D models of Debian's sweethome3d-furniture without those that
-src/cadpose/training/data/sweethome3d-exceptions.csv calls unfit, the base meshes and IKEA models in
+src/cadpose/data/sweethome3d-exceptions.csv calls unfit, the base meshes and IKEA models in
 $CADPOSE_BENCH/cad by their tables, and parametric models: 40 a category.
 Parametric models that look like a held-out one are left out. Run again, it adds what is new. What DIR holds
 beside all this is removed: never name the library that you annotate with.

@@ -3,21 +3,16 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from cadpose.errors import InputError
 from cadpose.library.class_map import CATEGORIES
 from cadpose.library.folder import folder_items
-from cadpose.library.importing import ImportItem
 from cadpose.library.normalise import rotation_from_axes
 from cadpose.training.shapes import (
     DATA,
     FOLDERS,
     LEFT_OUT,
-    ModelException,
-    corrected,
-    read_exceptions,
     training_items,
     unfit_files,
 )
@@ -48,41 +43,6 @@ def test_the_table_lists_every_file_of_the_folder(bench: Path, folder: str, tabl
     assert problems == []
     assert {i.id.partition("/")[2] for i in items} == {row["file"] for row in rows_of(table)[1:]}
     assert {i.licence for i in items} <= {"CC0-1.0", "CC-BY-4.0"}
-
-
-def test_each_model_has_one_exception_a_problem() -> None:
-    exceptions = read_exceptions()
-    assert len({(e.id, e.problem) for e in exceptions}) == len(exceptions) > 0
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [("a", "colour", "red"), ("a", "front", "north"), ("a", "category", "spaceship"), ("a", "unfit", "")],
-)
-def test_a_wrong_exception_is_refused(wrong: tuple[str, str, str]) -> None:
-    with pytest.raises(InputError):
-        ModelException(*wrong)
-
-
-def item(name: str) -> ImportItem:
-    # A file with its front at +z, as Sweet Home 3D's are.
-    R = tuple(float(x) for x in rotation_from_axes("+z", "+y").ravel())
-    return ImportItem(id=name, name=name, category="table", container="", R_s_from_file=R)
-
-
-def test_exceptions_turn_rename_and_leave_out() -> None:
-    exceptions = (
-        ModelException("turned", "front", "+x"),
-        ModelException("bed", "category", "bed"),
-        ModelException("heap", "unfit", "several objects"),
-    )
-    plain, turned, bed = corrected([item("plain"), item("turned"), item("bed"), item("heap")], exceptions)
-    assert plain == item("plain")
-    assert bed.category == "bed" and bed.R_s_from_file == plain.R_s_from_file
-    # What lay along the library's +x, which is the file's -x, is the front now.
-    R = np.array(turned.R_s_from_file).reshape(3, 3)
-    np.testing.assert_allclose(R @ [-1, 0, 0], [0, 0, -1], atol=1e-12)
-    np.testing.assert_allclose(R @ [0, 1, 0], [0, 1, 0], atol=1e-12)
 
 
 def test_unfit_files_are_told_with_the_reason(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from cadpose.library.class_map import category_from_sweethome3d
 from cadpose.library.importing import IDENTITY, ImportItem, open_archive
 from cadpose.library.limits import MIB
 from cadpose.library.storage import sha256_of
+from cadpose.library.sweethome3d_exceptions import corrected, read_exceptions
 
 DEBIAN_FOLDER = Path("/usr/share/sweethome3d/furniture")
 """Where Debian's ``sweethome3d-furniture`` puts its libraries."""
@@ -27,7 +28,7 @@ _CATALOGUES = ("PluginFurnitureCatalog.properties", "FurnitureCatalog.properties
 
 
 def sweethome3d_items(path: Path, problems: list[str] | None = None) -> list[ImportItem]:
-    """The models that one .sh3f file, or every .sh3f file of a folder, lists.
+    """The models that one .sh3f file, or every .sh3f file of a folder, lists, corrected by our table.
 
     Args:
         path: A .sh3f file or a folder that holds some.
@@ -73,7 +74,7 @@ def _items_of(file: Path, problems: list[str]) -> list[ImportItem]:
             items.append(_item(file, archive, values, number, library_licence, by_folder))
         except InputError as error:
             problems.append(str(error))
-    return items
+    return corrected(items, read_exceptions())
 
 
 def _item(

@@ -2,31 +2,21 @@
 
 Every model of the sources was rendered and looked at. What was found lies in tables beside this module:
 ``base-meshes.csv`` and ``ikea-manuals.csv`` (in the format of `cadpose.library.folder`, with one more column,
-``unfit``, which tells why a model is left out) and ``sweethome3d-exceptions.csv`` (id, problem, detail):
-
-========  =====================================================================
-front     the model's front at azimuth 0 is wrong; ``detail`` is the axis, in the
-          frame of the library as imported, where its front really points
-category  the catalogue's name misled; ``detail`` is the right library category
-unfit     not one recognisable object; ``detail`` says why
-========  =====================================================================
+``unfit``, which tells why a model is left out), and for Sweet Home 3D in that of
+`cadpose.library.sweethome3d_exceptions`.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from cadpose.errors import InputError
-from cadpose.library.class_map import CATEGORIES, OTHER
+from cadpose.library.class_map import OTHER
 from cadpose.library.folder import folder_items
 from cadpose.library.importing import ImportItem
-from cadpose.library.normalise import rotation_from_axes
 from cadpose.library.sweethome3d import sweethome3d_items
+from cadpose.library.sweethome3d_exceptions import read_exceptions
 
 DATA = Path(__file__).parent / "data"
 FOLDERS = {"base_meshes_cc0": "base-meshes.csv", "ikea_manuals_ccby4": "ikea-manuals.csv"}
@@ -37,63 +27,6 @@ LEFT_OUT = frozenset(
     {OTHER, "tree", "plant", "ball", "person", "dog", "cat", "horse", "door", "window"}
 )
 """Categories that rotation training does not use."""
-
-_PROBLEMS = ("front", "category", "unfit")
-
-
-@dataclass(frozen=True, slots=True)
-class ModelException:
-    """One line of ``sweethome3d-exceptions.csv``.
-
-    Attributes:
-        id: The model.
-        problem: ``front``, ``category`` or ``unfit``.
-        detail: The right axis, the right category, or the reason.
-    """
-
-    id: str
-    problem: str
-    detail: str
-
-    def __post_init__(self) -> None:
-        if self.problem not in _PROBLEMS:
-            raise InputError(f"{self.id}: problem {self.problem!r} is none of {', '.join(_PROBLEMS)}.")
-        if self.problem == "front":
-            rotation_from_axes(self.detail, "+y")
-        if self.problem == "category" and self.detail not in {*CATEGORIES, OTHER}:
-            raise InputError(f"{self.id}: there is no category {self.detail!r}.")
-        if not (self.id and self.detail):
-            raise InputError(f"{self.id or 'a line without id'}: problem {self.problem} needs a detail.")
-
-
-def read_exceptions(table: Path = DATA / "sweethome3d-exceptions.csv") -> tuple[ModelException, ...]:
-    """The exceptions, in the order of the table.
-
-    Raises:
-        InputError: a line is wrong.
-    """
-    with table.open(encoding="utf-8", newline="") as lines:
-        return tuple(ModelException(r["id"], r["problem"], r["detail"]) for r in csv.DictReader(lines))
-
-
-def corrected(items: Iterable[ImportItem], exceptions: Iterable[ModelException]) -> list[ImportItem]:
-    """Items with their fronts and categories put right, without those that are unfit."""
-    by_id: dict[str, list[ModelException]] = {}
-    for exception in exceptions:
-        by_id.setdefault(exception.id, []).append(exception)
-    kept: list[ImportItem] = []
-    for item in items:
-        problems = {e.problem: e.detail for e in by_id.get(item.id, ())}
-        if "unfit" in problems:
-            continue
-        if "category" in problems:
-            item = replace(item, category=problems["category"])
-        if "front" in problems:
-            R_s_from_library = rotation_from_axes(problems["front"], "+y")
-            R = R_s_from_library @ np.array(item.R_s_from_file).reshape(3, 3)
-            item = replace(item, R_s_from_file=tuple(float(x) for x in R.ravel()))
-        kept.append(item)
-    return kept
 
 
 def unfit_files(table: Path) -> dict[str, str]:
@@ -118,7 +51,8 @@ def training_items(
     told = problems if problems is not None else []
     items: list[ImportItem] = []
     if sweethome3d is not None:
-        items += corrected(sweethome3d_items(sweethome3d, told), read_exceptions())
+        unfit_ids = {e.id for e in read_exceptions() if e.problem == "unfit"}
+        items += [i for i in sweethome3d_items(sweethome3d, told) if i.id not in unfit_ids]
     for folder, table in FOLDERS.items() if cad is not None else ():
         assert cad is not None
         if not (cad / folder).is_dir():

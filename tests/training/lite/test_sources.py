@@ -8,9 +8,9 @@ import pytest
 
 from cadpose.errors import InputError
 from cadpose.library.catalogue import INDEX, Library
+from cadpose.library.sweethome3d_exceptions import ModelException
 from cadpose.training.lite import sources as module
 from cadpose.training.lite.sources import UNSEEN_SEED, head_options, lite0_options, sources
-from cadpose.training.shapes import ModelException
 
 
 def test_weights() -> None:

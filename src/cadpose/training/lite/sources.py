@@ -11,11 +11,12 @@ from typing import Any
 
 from cadpose.errors import InputError
 from cadpose.library.catalogue import Library
+from cadpose.library.sweethome3d_exceptions import read_exceptions
 from cadpose.photos import find_photos
 from cadpose.records import CadModel
 from cadpose.training.held_out import near_duplicates, read_held_out
 from cadpose.training.lite.stream import Source
-from cadpose.training.shapes import LEFT_OUT, read_exceptions
+from cadpose.training.shapes import LEFT_OUT
 from cadpose.training.synth.options import SynthOptions
 from cadpose.training.synth.recipe import Recipe
 
