@@ -19,7 +19,7 @@ _NONE = SymmetryGroup.trivial()
 
 def blend(a: AngleDistributions, b: AngleDistributions, share: float) -> AngleDistributions:
     shares = tuple(share * x + (1 - share) * y for x, y in zip(a.shares, b.shares, strict=True))
-    return AngleDistributions(shares, a.offsets, a.features)
+    return AngleDistributions(shares, a.offsets)
 
 
 def vote_for(azimuth: float, elevation: float, height: float = 0.1) -> np.ndarray:

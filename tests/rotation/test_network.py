@@ -24,7 +24,7 @@ def certain(azimuth: float, elevation: float, inplane: float) -> AngleDistributi
     coded = encode_angles(azimuth, elevation, inplane)
     shares = tuple(np.eye(n)[coded.bins[0, i]] for i, n in enumerate(BINS))
     offsets = tuple(np.full(n, coded.offsets[0, i]) for i, n in enumerate(BINS))
-    return AngleDistributions(shares, offsets, np.zeros(1280, np.float32))
+    return AngleDistributions(shares, offsets)
 
 
 @given(st.integers(0, 359), st.integers(-89, 89), st.integers(-179, 179))

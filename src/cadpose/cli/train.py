@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cadpose.cli.options import Device, Json, LibraryFolder, Seed
+from cadpose.cli.options import Device, Json, LibraryFolder, RendererName, Seed
 from cadpose.cli.output import print_json, print_table, progress_bar
 
 app = typer.Typer(help="Train networks on labelled photographs, or on drawn ones.", no_args_is_help=True)
@@ -118,13 +118,89 @@ def rotation(
     typer.echo(f"Network: {report.network}")
 
 
+@app.command("triplet")
+def triplet(
+    data: Annotated[
+        Path, typer.Option("--data", help="Label file: photo, cad, azimuth, elevation, box, mask ...")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for checkpoint, curves and network.")],
+    library: LibraryFolder = None,
+    validation: Annotated[
+        Path | None, typer.Option("--val", help="Label file to measure on after every epoch.")
+    ] = None,
+    init: Annotated[
+        str, typer.Option("--init", help="Weights to start from: imagenet, random or a file.")
+    ] = "imagenet",
+    trained_blocks: Annotated[
+        int | None,
+        typer.Option("--trained-blocks", min=1, max=5, help="Blocks of VGG16 that learn, from the last."),
+    ] = None,
+    epochs: Annotated[int | None, typer.Option("--epochs", min=1, help="Passes over the photos.")] = None,
+    batch: Annotated[int | None, typer.Option("--batch", min=1, help="Photos a step.")] = None,
+    mining: Annotated[bool, typer.Option("--mining", help="Use the nearest negatives again.")] = False,
+    renderer: RendererName = "raster",
+    workers: Annotated[
+        int, typer.Option("--workers", min=0, help="Threads that read and draw; 0: one a core.")
+    ] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the training in --out.")] = False,
+    json: Json = False,
+    device: Device = "cpu",
+    seed: Seed = 0,
+) -> None:
+    """Train the paper's learned baseline, which ranks CAD models: two encoders and a triplet loss."""
+    from cadpose.training.architectures import training_module
+    from cadpose.training.triplet.options import TripletOptions
+
+    trainer = training_module("cadpose.training.triplet.train")
+    options = TripletOptions(
+        data=data,
+        out=out,
+        library=library,
+        validation=validation,
+        init=init,
+        trained_blocks=trained_blocks,
+        epochs=epochs,
+        batch_size=batch,
+        mining=mining,
+        renderer=renderer,
+        device=device,
+        seed=seed,
+        resume=resume,
+        workers=workers,
+    )
+    with progress_bar("training", None) as bar:
+        report = trainer.train(
+            options, lambda done, total: bar.update(bar.tasks[0].id, completed=done, total=total)
+        )
+    if json:
+        print_json(
+            {
+                "network": str(report.network),
+                "checkpoint": str(report.checkpoint),
+                "curves": str(report.curves),
+                "initial": report.initial,
+                "photos": report.photos,
+                "unmasked": report.unmasked,
+                "epochs": report.epochs,
+                "validation": report.validation,
+                "export_difference": report.difference,
+            }
+        )
+        return
+    columns = list(report.epochs[-1])
+    title = f"triplet, from {report.initial} weights"
+    print_table(title, columns, [[_number(row.get(c)) for c in columns] for row in report.epochs])
+    typer.echo(f"Network: {report.network}")
+
+
 @app.command("export")
 def export(
     weights: Annotated[str, typer.Argument(help="A checkpoint, or a known name: posecontrast-pascal3d.")],
     out: Annotated[Path, typer.Option("--out", help="ONNX file to write.")],
     arch: _Arch = "posecontrast",
     head: Annotated[
-        Path | None, typer.Option("--head", help="head.pt of lite0-head, the second member of lite0.")
+        list[Path] | None,
+        typer.Option("--head", help="head.pt of lite0-head, a further member of lite0; again for more."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -132,9 +208,9 @@ def export(
     from cadpose.errors import InputError
     from cadpose.training.architectures import architecture
 
-    if os.path.realpath(out) in {os.path.realpath(path) for path in (weights, head) if path is not None}:
+    if os.path.realpath(out) in {os.path.realpath(path) for path in (weights, *(head or ()))}:
         raise InputError(f"{out} is the checkpoint and would be written over: choose another --out")
-    difference = architecture(arch).export(weights, out, head)
+    difference = architecture(arch).export(weights, out, head or ())
     if json:
         print_json({"network": str(out), "export_difference": difference})
     else:

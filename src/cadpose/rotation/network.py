@@ -35,12 +35,10 @@ class AngleDistributions:
     Attributes:
         shares: (24,), (12,), (24,) probabilities of the bins of azimuth, elevation, in-plane rotation.
         offsets: Where in each bin the angle lies, in shares of the bin, same shapes.
-        features: (1280,) pooled features.
     """
 
     shares: tuple[FloatArray, ...]
     offsets: tuple[FloatArray, ...]
-    features: NDArray[np.float32]
 
     def likeliest(self, count: int) -> tuple[FloatArray, FloatArray]:
         """(count, 3) angles of the likeliest triples of bins, and (count,) their probabilities."""
@@ -109,7 +107,7 @@ class RotationNetwork:
     def look(
         self, crops: NDArray[np.uint8], described: Described, category: str, mirrored: Sequence[bool]
     ) -> AngleDistributions:
-        """What both members say of crops of one object, averaged.
+        """What all members say of crops of one object, averaged.
 
         Args:
             crops: (N, 224, 224, 3) uint8; the longer side of the object's box fills the square, white
@@ -121,7 +119,7 @@ class RotationNetwork:
         told = np.zeros((len(crops), len(self.categories)), np.float32)
         if category in self.categories:
             told[:, self.categories.index(category)] = 1.0
-        names = [*_ANGLES, *(f"{a}_offset" for a in _ANGLES), "features"]
+        names = [*_ANGLES, *(f"{a}_offset" for a in _ANGLES)]
         given = {"images": crops, "fine": described.cells[0], "coarse": described.cells[1], "category": told}
         out = self._session.run(names, given)
         shares, offsets = [], []
@@ -136,4 +134,4 @@ class RotationNetwork:
             mean = share.mean(axis=0)
             shares.append(mean)
             offsets.append((share * offset).sum(axis=0) / np.maximum(len(share) * mean, 1e-12))
-        return AngleDistributions(tuple(shares), tuple(offsets), out[6][0])
+        return AngleDistributions(tuple(shares), tuple(offsets))

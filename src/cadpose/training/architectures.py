@@ -6,10 +6,11 @@ of :class:`Architecture` and list it in :data:`ARCHITECTURES` and :data:`TAKES`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Protocol, cast
 
 from cadpose.errors import CadposeError, DependencyError
@@ -97,10 +98,10 @@ class Architecture(Protocol):
         """Train by the options."""
         ...
 
-    def export(self, weights: str, path: Path, head: Path | None = None) -> float | None:
+    def export(self, weights: str, path: Path, heads: Sequence[Path] = ()) -> float | None:
         """Write the network of a checkpoint, a path or a known name, as ONNX; the largest difference.
 
-        ``head`` is the second member where the network has two. None where the exporter compares by itself.
+        ``heads`` are further members where the network has some. None where the exporter compares by itself.
         """
         ...
 
@@ -130,8 +131,17 @@ def architecture(name: str) -> Architecture:
     """
     if name not in ARCHITECTURES:
         raise CadposeError(f"unknown architecture {name!r}, choose one of: {', '.join(ARCHITECTURES)}")
+    return cast(Architecture, training_module(ARCHITECTURES[name]))
+
+
+def training_module(name: str) -> ModuleType:
+    """A module that trains, by its full name.
+
+    Raises:
+        DependencyError: torch or another package that it needs is not installed.
+    """
     try:
-        return cast(Architecture, import_module(ARCHITECTURES[name]))
+        return import_module(name)
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] == "cadpose":
             raise

@@ -148,20 +148,23 @@ def test_a_resumed_training_fills_its_buffer_anew_and_no_more(
         train.train(source, Recipe(steps=5, **told), tmp_path, resume=True)
 
 
-def test_both_members_in_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_members_in_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("onnx", reason="needs cadpose[train]")
     pytest.importorskip("efficientnet_lite_pytorch", reason="needs cadpose[train]")
-    tuned, (one, two) = LitePose(CATEGORIES, pretrained=False).eval(), (tmp_path / "c.pt", tmp_path / "h.pt")
+    tuned = LitePose(CATEGORIES, pretrained=False).eval()
+    one, two, three = (tmp_path / name for name in ("c.pt", "h.pt", "g.pt"))
     one.write_bytes(b"stands for a checkpoint")
     save_head(MapHead(CATEGORIES), two)
     monkeypatch.setattr(lite0, "trained_network", lambda path: tuned)
-    lite0.export(str(one), tmp_path / "n.onnx", two)
+    save_head(MapHead(CATEGORIES), three)
+    lite0.export(str(one), tmp_path / "n.onnx", [two, three])
     session = onnxruntime.InferenceSession(str(tmp_path / "n.onnx"), providers=["CPUExecutionProvider"])
+    assert [o.shape[1:] for o in session.get_outputs()[:2]] == [[3, 24], [3, 12]]
     told = session.get_modelmeta().custom_metadata_map
     assert json.loads(told["categories"]) == list(CATEGORIES)
     save_head(MapHead(["car"]), two)
     with pytest.raises(InputError, match="different categories"):
-        lite0.export(str(one), tmp_path / "m.onnx", two)
+        lite0.export(str(one), tmp_path / "m.onnx", [three, two])
     assert not (tmp_path / "m.onnx").exists()
 
 

@@ -1,9 +1,10 @@
-"""The two trained members as one ONNX file: half precision on disk, single precision when it runs."""
+"""The trained members as one ONNX file: half precision on disk, single precision when it runs."""
 
 from __future__ import annotations
 
 import io
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,28 +21,25 @@ from cadpose.training.lite.network import LitePose, normalised
 
 _ANGLES = ("azimuth", "elevation", "inplane")
 INPUTS = ("images", "fine", "coarse", "category")
-OUTPUTS = (*_ANGLES, *(f"{name}_offset" for name in _ANGLES), "features")
+OUTPUTS = (*_ANGLES, *(f"{name}_offset" for name in _ANGLES))
 
 
 class Members(nn.Module):
-    """Both networks side by side; what they answer is stacked, (N, 2, bins), the fine-tuned one first."""
+    """All networks side by side; their answers are stacked, (N, members, bins), the fine-tuned one first."""
 
-    def __init__(self, tuned: LitePose, head: MapHead) -> None:
+    def __init__(self, tuned: LitePose, heads: Sequence[MapHead]) -> None:
         super().__init__()
-        self.tuned, self.head = tuned, head
+        self.tuned, self.heads = tuned, nn.ModuleList(heads)
 
     def forward(self, images: Tensor, fine: Tensor, coarse: Tensor, category: Tensor) -> tuple[Tensor, ...]:
         """The inputs of :data:`INPUTS` to the outputs of :data:`OUTPUTS`."""
         x = normalised(images.permute(0, 3, 1, 2).to(torch.float32))
-        own, head = self.tuned(x, category), self.head(fine, coarse, category)
-        stacked = [
-            torch.stack(pair, dim=1) for part in (0, 1) for pair in zip(own[part], head[part], strict=True)
-        ]
-        return (*stacked, own[2])
+        told = [self.tuned(x, category), *(head(fine, coarse, category) for head in self.heads)]
+        return tuple(torch.stack([t[part][i] for t in told], dim=1) for part in (0, 1) for i in range(3))
 
 
-def export(tuned: LitePose, head: MapHead, path: Path, told: dict[str, str] | None = None) -> None:
-    """Write both members to ``path``; ``told`` goes into the file's metadata beside the categories.
+def export(tuned: LitePose, heads: Sequence[MapHead], path: Path, told: dict[str, str] | None = None) -> None:
+    """Write all members to ``path``; ``told`` goes into the file's metadata beside the categories.
 
     Inputs: ``images`` (N, 224, 224, 3) uint8 RGB, ``fine`` (N, 196, 112) and ``coarse`` (N, 49, 192) int8
     cells of the shared encoder, ``category`` (N, C) one-hot.
@@ -54,9 +52,9 @@ def export(tuned: LitePose, head: MapHead, path: Path, told: dict[str, str] | No
         import onnx
     except ImportError as error:
         raise DependencyError("the export needs onnx: pip install 'cadpose[train]'") from error
-    if tuned.categories != head.categories:
-        raise ValueError("the two members were trained on different categories")
-    whole = Members(tuned.eval(), head.eval()).eval()
+    if any(tuned.categories != head.categories for head in heads):
+        raise ValueError("the members were trained on different categories")
+    whole = Members(tuned, heads).eval()
     example = (
         torch.randint(0, 256, (2, SIDE, SIDE, 3), dtype=torch.uint8),
         *(torch.randint(-60, 60, (2, level.cells, level.channels), dtype=torch.int8) for level in LEVELS),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -69,34 +70,35 @@ def train(
     return TrainingReport(checkpoint, checkpoint, curves.path, rows, last, None)
 
 
-def export(weights: str, path: Path, head: Path | None = None) -> None:
-    """Write both members of the embedded network as one ONNX file, compared with torch's answers.
+def export(weights: str, path: Path, heads: Sequence[Path] = ()) -> None:
+    """Write all members of the embedded network as one ONNX file, compared with torch's answers.
 
     Args:
         weights: Checkpoint of stage one.
         path: ONNX file to write.
-        head: ``head.pt`` of stage two.
+        heads: ``head.pt`` of one or more trainings of stage two.
 
     Raises:
         InputError: a member is missing, or they know different categories.
         CadposeError: a file holds something else.
         DependencyError: a package is not installed.
     """
-    from cadpose.training.lite.export import export as export_both
+    from cadpose.training.lite.export import export as export_all
     from cadpose.training.lite.head import load_head
 
-    if head is None:
-        raise InputError("the embedded network has two members: name the head.pt of lite0-head with --head")
-    for file in (Path(weights), head):
+    if not heads:
+        raise InputError("the embedded network has more members: name the head.pt of lite0-head with --head")
+    for file in (Path(weights), *heads):
         if not file.is_file():
             raise InputError(f"there is no file {file}")
-    tuned, second = trained_network(Path(weights)), load_head(head)
-    if tuned.categories != second.categories:
-        raise InputError(f"{weights} and {head} were trained on different categories")
+    tuned, others = trained_network(Path(weights)), [load_head(head) for head in heads]
+    for head, other in zip(heads, others, strict=True):
+        if tuned.categories != other.categories:
+            raise InputError(f"{weights} and {head} were trained on different categories")
     with warnings.catch_warnings():
         # PyTorch's older exporter is meant, see docs/dependencies.md.
         warnings.simplefilter("ignore", DeprecationWarning)
-        export_both(tuned, second, path)
+        export_all(tuned, others, path)
 
 
 def told_of(rows: list[Row]) -> tuple[list[Row], dict[str, Any] | None]:

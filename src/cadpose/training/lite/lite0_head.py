@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -108,8 +108,8 @@ def train(
     return TrainingReport(network, options.out / CHECKPOINT, curves.path, rows, last, None)
 
 
-def export(weights: str, path: Path, head: Path | None = None) -> None:
-    """Both members are exported together, by stage one.
+def export(weights: str, path: Path, heads: Sequence[Path] = ()) -> None:
+    """All members are exported together, by stage one.
 
     Raises:
         InputError: always; it tells how.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -166,7 +166,7 @@ def train(options: TrainingOptions, on_step: OnStep, recipe: Recipe | None = Non
     return TrainingReport(exported, file, curves, rows, table, difference)
 
 
-def export(weights: str, path: Path, head: Path | None = None) -> float:
+def export(weights: str, path: Path, heads: Sequence[Path] = ()) -> float:
     """Write the network of a checkpoint as ONNX.
 
     Args:
@@ -182,8 +182,8 @@ def export(weights: str, path: Path, head: Path | None = None) -> float:
         InputError: the checkpoint cannot be used, or holds no heads.
         DependencyError: a named checkpoint is not there.
     """
-    if head is not None:
-        raise InputError(f"{head}: PoseContrast is one network, leave out --head")
+    if heads:
+        raise InputError(f"{heads[0]}: PoseContrast is one network, leave out --head")
     recipe = RECIPE
     if weights not in CHECKPOINTS:
         settings = read_checkpoint(Path(weights)).get("settings")
