@@ -11,7 +11,8 @@ import pytest
 from PIL import Image
 
 from cadpose.datasets import files as files_module
-from cadpose.datasets.labels import Label, object_in_photo, read_gallery, read_labels
+from cadpose.datasets.gallery import read_gallery
+from cadpose.datasets.labels import Label, object_in_photo, read_labels
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.records import Rotation
@@ -44,6 +45,14 @@ def test_what_is_not_known_may_be_missing_or_null(tmp_path: Path) -> None:
     bare, null = read_labels(write(tmp_path, [GOOD, GOOD | nulls]))
     assert bare == null == Label(tmp_path / "a.png", "car")
     assert bare.rotation is None
+
+
+def test_a_drawn_photo_says_so(tmp_path: Path) -> None:
+    told = [{}, {"synthetic": True}, {"source": "synth"}, {"source": "mine", "synthetic": False}]
+    labels = read_labels(write(tmp_path, [GOOD | more for more in told]))
+    assert [label.synthetic for label in labels] == [False, True, True, False]
+    with pytest.raises(InputError, match="synthetic must be true or false"):
+        read_labels(write(tmp_path, [GOOD | {"synthetic": "no"}]))
 
 
 def test_the_rotation_needs_azimuth_and_elevation(tmp_path: Path) -> None:
@@ -153,17 +162,6 @@ def test_neither_devices_nor_pipes_are_read(tmp_path: Path) -> None:
         for read in (read_labels, read_gallery):
             with pytest.raises(InputError, match=f"^{re.escape(str(path))}: cannot be read .not a reg"):
                 read(path)
-
-
-def test_gallery(tmp_path: Path) -> None:
-    path = write(tmp_path, ["b", "a", "b"])
-    assert read_gallery(path) == ["b", "a"]
-
-
-@pytest.mark.parametrize("wrong", [{}, [], ["a", 1], "[", [["a"]]])
-def test_a_file_that_is_no_gallery(tmp_path: Path, wrong: object) -> None:
-    with pytest.raises(InputError, match=r"labels\.json"):
-        read_gallery(write(tmp_path, wrong))
 
 
 # -- the object in its photo ----------------------------------------------------------------------

@@ -16,10 +16,10 @@ from cadpose.cli.options import (
     LibraryFolder,
     RendererName,
     Seed,
-    Similarity,
     make_annotator,
 )
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
+from cadpose.cli.retrieval import retrieval
 
 if TYPE_CHECKING:
     from cadpose.evaluation.perturbations import Perturbation
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from cadpose.pipeline import Annotator
 
 app = typer.Typer(help="Tables over labelled photographs.", no_args_is_help=True)
+app.command("retrieval")(retrieval)
 
 _Labels = Annotated[Path, typer.Argument(help="Label file, JSON or JSONL: photo, box, category, azimuth ...")]
 _Category = Annotated[str | None, typer.Option("--category", help="Only labels of this category.")]
@@ -147,61 +148,6 @@ def rotation(
         _print_confidence(table)
         if report is not None:
             typer.echo(f"Report: {report / 'report.html'}")
-    _exit(table)
-
-
-@app.command("retrieval")
-def retrieval(
-    labels: _Labels,
-    gallery: Annotated[
-        Path | None, typer.Option("--gallery", help="JSON array of CAD ids to choose among.")
-    ] = None,
-    rotation_from: Annotated[
-        Literal["true", "estimated"],
-        typer.Option("--rotation", help="Compare at the labelled or at the estimated rotation."),
-    ] = "estimated",
-    category: _Category = None,
-    split: _Split = None,
-    library: LibraryFolder = None,
-    candidates: Candidates = 10,
-    similarity: Similarity = "aligned",
-    renderer: RendererName = "raster",
-    json: Json = False,
-    device: Device = "cpu",
-    seed: Seed = 0,
-) -> None:
-    """How often the true CAD model is ranked first, among the first two and three.
-
-    Exit code 1: a photo failed; the others were evaluated.
-    """
-    from cadpose.datasets.labels import read_gallery, read_labels
-    from cadpose.errors import CadposeError, InputError
-    from cadpose.evaluation.retrieval import evaluate_retrieval, retrieval_ranking, retrieval_table
-
-    wanted = [label for label in read_labels(labels, category, split) if label.cad is not None]
-    if not wanted:
-        raise InputError(f"{labels}: no label names its cad")
-    annotator = make_annotator(
-        library,
-        device=device,
-        seed=seed,
-        candidates=candidates,
-        similarity=similarity,
-        renderer=renderer,
-    )
-    rank = retrieval_ranking(annotator, None if gallery is None else read_gallery(gallery), rotation_from)
-    with progress_bar("retrieval", len(wanted)) as bar:
-        results = evaluate_retrieval(wanted, rank, CadposeError, lambda _: bar.advance(bar.tasks[0].id))
-    _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason])
-    table = retrieval_table(results)
-    if json:
-        print_json(table)
-    else:
-        places = ("top1", "top2", "top3")
-        rows = [[name, str(row["n"]), *(_share(row, k) for k in places)] for name, row in _rows(table)]
-        if macro := table["macro"]:
-            rows.append(["macro mean", "", *(_share(macro, k) for k in places)])
-        print_table("CAD retrieval", ["category", "photos", "top-1 [95 %]", "top-2", "top-3"], rows)
     _exit(table)
 
 

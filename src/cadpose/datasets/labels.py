@@ -20,7 +20,7 @@ from cadpose.library.storage import write_atomic
 
 __all__ = [
     "Label", "RunLengths", "iter_labels", "mask_in_photo", "object_in_photo", "only_unoccluded",
-    "read_gallery", "read_labels", "write_labels",
+    "read_labels", "write_labels",
 ]  # fmt: skip
 
 #: Endings that mean one object a line.
@@ -111,17 +111,3 @@ def write_labels(path: Path, labels: Iterable[Label]) -> int:
     lines = [json.dumps(entry_from_label(label, relative)) for label in labels]
     write_atomic(path, "".join(f"{line}\n" for line in lines).encode("ascii"))
     return len(lines)
-
-
-def read_gallery(path: Path) -> list[str]:
-    """Read a JSON array of library ids; one that is named twice counts once.
-
-    Raises:
-        InputError: the file cannot be read or is not an array of strings.
-    """
-    ids = read_json(path)
-    if not isinstance(ids, list) or not ids or not all(isinstance(i, str) for i in ids):
-        raise InputError(
-            f"{path}: expected a JSON array of CAD ids as `cadpose library list --json` prints them"
-        )
-    return list(dict.fromkeys(ids))

@@ -55,7 +55,7 @@ def reliability_diagram(answers: Answers) -> bytes:
         ValueError: there is no answer.
     """
     p, right = answers.probability, answers.right
-    figure, (above, below) = _figure(2, height_ratios=(4, 1), sharex=True)
+    figure, (above, below) = new_figure(2, height_ratios=(4, 1), sharex=True)
     above.plot([0, 1], [0, 1], color=_FAINT, lw=1, ls="--", label="calibrated")
     wide = reliability_bins(p, right, BINS, "equal-width")
     above.plot(
@@ -86,13 +86,13 @@ def reliability_diagram(answers: Answers) -> bytes:
     above.set_title(f"Reliability: ECE {ece:.3f}, {len(p)} photos")
     below.hist(p, np.linspace(0, 1, 21).tolist(), color=_BLUE, alpha=0.6)
     below.set(xlim=(-0.02, 1.02), xlabel="probability of the first hypothesis", ylabel="photos")
-    return _png(figure)
+    return figure_png(figure)
 
 
 def error_histogram(answers: Answers) -> bytes:
     """How many photos have which error; bars are as wide on paper though not in degrees."""
     counts = np.histogram(answers.error, ERROR_EDGES)[0]
-    figure, (axes,) = _figure()
+    figure, (axes,) = new_figure()
     edges = np.array(ERROR_EDGES, float)
     colours = np.where(edges[1:] <= 10, _GREEN, np.where(edges[1:] <= 30, _BLUE, _ORANGE))
     at = np.arange(len(counts))
@@ -114,7 +114,7 @@ def error_histogram(answers: Answers) -> bytes:
     axes.set_xticks(np.arange(len(edges)), [f"{edge:g}" for edge in edges], fontsize=8)
     axes.set(xlim=(0, len(counts)), xlabel="error in degrees", ylabel="photos")
     axes.set_title("Errors")
-    return _png(figure)
+    return figure_png(figure)
 
 
 def azimuth_counts(results: Sequence[RotationResult]) -> NDArray[np.int64]:
@@ -133,7 +133,7 @@ def azimuth_counts(results: Sequence[RotationResult]) -> NDArray[np.int64]:
 def azimuth_confusion(results: Sequence[RotationResult]) -> bytes:
     """Heat map of true against estimated azimuth; answers that face the other way lie on the dotted lines."""
     counts = azimuth_counts(results)
-    figure, (axes,) = _figure(size=(5.8, 5.2))
+    figure, (axes,) = new_figure(size=(5.8, 5.2))
     shown = np.ma.masked_equal(counts, 0)
     image = axes.imshow(shown, cmap="viridis_r", origin="lower", vmin=0, vmax=max(1, int(counts.max())))
     axes.set_facecolor("#f2f4f6")
@@ -150,7 +150,7 @@ def azimuth_confusion(results: Sequence[RotationResult]) -> bytes:
     axes.set(xlim=(-0.5, n - 0.5), ylim=(-0.5, n - 0.5), xlabel="estimated azimuth", ylabel="true azimuth")
     axes.set_title("Azimuth: estimated against true")
     axes.tick_params(length=0)
-    return _png(figure)
+    return figure_png(figure)
 
 
 def error_curves(results: Sequence[RotationResult]) -> bytes:
@@ -159,7 +159,7 @@ def error_curves(results: Sequence[RotationResult]) -> bytes:
     for r in results:
         if np.isfinite(r.error):
             errors.setdefault(r.label.category, []).append(r.error)
-    figure, (axes,) = _figure()
+    figure, (axes,) = new_figure()
     frequent = sorted(errors, key=lambda name: (-len(errors[name]), name))
     for i, name in enumerate(frequent[:MOST_LINES]):
         label = f"{short(name, 24)} ({len(errors[name])})"
@@ -177,7 +177,7 @@ def error_curves(results: Sequence[RotationResult]) -> bytes:
     axes.grid(axis="y", color="#e5e8eb", lw=0.8)
     axes.legend(loc="lower right", frameon=False, fontsize=8)
     axes.set_title("Share of photos below an error")
-    return _png(figure)
+    return figure_png(figure)
 
 
 def risk_coverage_curve(answers: Answers) -> bytes:
@@ -188,7 +188,7 @@ def risk_coverage_curve(answers: Answers) -> bytes:
     """
     right = answers.right
     curve, ideal = risk_coverage(answers.probability, right), risk_coverage(right.astype(float), right)
-    figure, (axes,) = _figure()
+    figure, (axes,) = new_figure()
     axes.axhline(curve.risk[-1], color=_FAINT, lw=1, ls="--", label="no order")
     axes.plot(ideal.coverage, ideal.risk, color=_FAINT, lw=1, ls=":", label="perfect order")
     axes.plot(curve.coverage, curve.risk, color=_BLUE, lw=1.8, label="by probability")
@@ -204,7 +204,7 @@ def risk_coverage_curve(answers: Answers) -> bytes:
     axes.legend(loc="upper left", frameon=False, fontsize=8)
     axes.grid(color="#e5e8eb", lw=0.8)
     axes.set_title(f"Risk and coverage: area {curve.area:.3f}")
-    return _png(figure)
+    return figure_png(figure)
 
 
 def _steps(errors: Sequence[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -212,9 +212,14 @@ def _steps(errors: Sequence[float]) -> tuple[NDArray[np.float64], NDArray[np.flo
     return np.append(ordered, 180.0), np.append(np.arange(len(ordered)), len(errors)) / max(1, len(errors))
 
 
-def _figure(
+def new_figure(
     rows: int = 1, size: tuple[float, float] = _SIZE, **options: Any
 ) -> tuple[Figure, tuple[Axes, ...]]:
+    """An empty figure with axes below one another, in the style of all our diagrams.
+
+    Raises:
+        DependencyError: matplotlib is not installed.
+    """
     require_matplotlib()
     from matplotlib.figure import Figure
 
@@ -229,8 +234,9 @@ def _figure(
     return figure, axes
 
 
-def _png(figure: Figure) -> bytes:
+def figure_png(figure: Figure) -> bytes:
+    """The bytes of a PNG; the same figure is always the same file."""
     out = io.BytesIO()
-    # Without the date and the version, so that the same figure is the same file.
+    # Without the date and the version.
     figure.savefig(out, format="png", metadata={"Software": None})
     return out.getvalue()

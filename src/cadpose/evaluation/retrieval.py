@@ -1,118 +1,189 @@
-"""CAD retrieval over a label file: how often the true model is first, second or third (Tables 1-3)."""
+"""CAD retrieval over labelled photos: each photo's candidates, ranked by everything that competes.
+
+A photo walks the paper's way: read it, find the object, choose the candidates, estimate the rotation, rank.
+Where it fails on that way, it is rejected at that stage, and the tables say so.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from cadpose.datasets.labels import Label, object_in_photo
-from cadpose.errors import InputError
-from cadpose.evaluation.statistics import macro_mean, wilson_interval
+from cadpose.errors import CadposeError, DependencyError
+from cadpose.evaluation.contest import Contest, Ranking
+from cadpose.evaluation.retrieval_inputs import Boxes, Candidates, RejectedError, Rotations, shuffled
+from cadpose.evaluation.rotation import rotation_error
+from cadpose.geometry.boxes import Box
+from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.pipeline import Annotator
-from cadpose.records import CadModel
+from cadpose.records import Rotation
 
-RotationFrom = Literal["true", "estimated"]
+Stage = Literal["photo", "detection", "gallery", "pose", "review", "ranking"]
+#: Stages that reject a photo as an outcome that is measured; at the others something could not be used.
+MEASURED: tuple[Stage, ...] = ("detection", "review")
 
 
 @dataclass(frozen=True, slots=True)
-class RetrievalResult:
-    """One photo's outcome.
+class Rejection:
+    """Why a photo was not ranked.
+
+    Attributes:
+        stage: Where on its way: ``review`` is a rotation that was estimated and flagged.
+        reason: Without the photo's name, so that like reasons can be counted.
+    """
+
+    stage: Stage
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of one photo.
 
     Attributes:
         label: What is true.
-        ranking: CAD ids, best first; empty where the photo failed.
-        rank: 1-based rank of the true model, None if it was not ranked.
-        reason: Why the photo failed.
+        answers: By name of measure or ranker.
+        candidates: Ids of the models to choose among; empty where the photo did not get so far.
+        box: The object's box that was used, None as above.
+        rotation: What the measures were given, None where there was none.
+        rotation_error: Its error in degrees modulo the true model's symmetry, None where not known.
     """
 
     label: Label
-    ranking: tuple[str, ...]
-    rank: int | None
-    reason: str = ""
+    answers: Mapping[str, Ranking | Rejection]
+    candidates: tuple[str, ...] = ()
+    box: Box | None = None
+    rotation: Rotation | None = None
+    rotation_error: float | None = None
+
+    def place(self, name: str) -> int | None:
+        """1-based place of the true model in an answer; None where it is not ranked."""
+        answer = self.answers[name]
+        return answer.place(self.label.cad) if isinstance(answer, Ranking) else None
 
 
-def retrieval_ranking(
-    annotator: Annotator, gallery: Sequence[str] | None, rotation_from: RotationFrom
-) -> Callable[[Label], list[str]]:
-    """What ranks CAD models for a label: the annotator, over a gallery, at a rotation.
+@dataclass(frozen=True)
+class RetrievalRun:
+    """Everything that decides an outcome.
 
-    Args:
-        annotator: Compares; estimates the rotation too where that is wanted.
-        gallery: Library ids, those of the label's category are the choice; None for the category's
-            representatives.
-        rotation_from: Compare at the labelled (``"true"``) or at the ``"estimated"`` rotation.
-
-    Returns:
-        From a label to CAD ids, best first. It raises CadposeError where the photo cannot be used, there
-        is no model of the category, or the label lacks its rotation.
-
-    Raises:
-        LibraryError: the library lacks a model of the gallery.
+    Attributes:
+        annotator: Draws, detects, estimates.
+        contest: Who ranks.
+        candidates: The models to choose among.
+        boxes: Where the object is.
+        rotations: How it is turned, for the measures.
+        symmetry: The group that rotation errors are taken modulo.
+        seed: Decides the order in which candidates are shown.
     """
-    chosen = None if gallery is None else [annotator.library.get(cad) for cad in gallery]
 
-    def rank(label: Label) -> list[str]:
-        photo, box = object_in_photo(label)
-        cads: Sequence[CadModel]
-        if chosen is None:
-            cads = annotator.library.representatives(label.category, annotator.candidate_count)
-        else:
-            cads = [cad for cad in chosen if cad.category == label.category]
-        if not cads:
-            raise InputError(f"{label.photo}: the gallery has no CAD model of category {label.category!r}")
-        if rotation_from == "estimated":
-            rotation = annotator.estimate_rotation(photo, box, label.category, cads)[0].rotation
-        elif label.rotation is not None:
-            rotation = label.rotation
-        else:
-            raise InputError(f"{label.photo}: has no labelled rotation, use --rotation estimated")
-        return [candidate.cad.id for candidate in annotator.rank(photo, box, cads, [rotation])]
+    annotator: Annotator
+    contest: Contest
+    candidates: Candidates
+    boxes: Boxes
+    rotations: Rotations
+    symmetry: Callable[[Label], SymmetryGroup | None] = lambda label: None
+    seed: int = 0
 
-    return rank
+    def outcome(self, label: Label) -> Outcome:
+        """Take one photo all the way.
+
+        Raises:
+            DependencyError: weights or programs are missing.
+        """
+        names = self.contest.names
+        try:
+            with _at("photo", label):
+                photo, labelled = object_in_photo(label)
+            with _at("detection", label):
+                box = self.boxes(label, photo, labelled)
+            with _at("gallery", label):
+                cads = tuple(self.candidates(label))
+        except _StopError as stop:
+            return Outcome(label, dict.fromkeys(names, stop.rejection))
+        shown = shuffled(cads, label, self.seed)
+        answers: dict[str, Ranking | Rejection] = {}
+        rotation = None
+        if self.contest.measures:
+            try:
+                with _at("pose", label):
+                    rotation = self.rotations(label, photo, box, cads)
+                with _at("ranking", label):
+                    answers.update(self.contest.at_rotation(self.annotator, photo, box, shown, rotation))
+            except _StopError as stop:
+                answers.update(dict.fromkeys(self.contest.measures, stop.rejection))
+        for name, ranker in self.contest.rankers.items():
+            try:
+                with _at("ranking", label):
+                    answers[name] = ranker.rank(photo, box, label.category, shown)
+            except _StopError as stop:
+                answers[name] = stop.rejection
+        error = None if rotation is None else self._error(label, rotation)
+        return Outcome(label, answers, tuple(cad.id for cad in cads), box, rotation, error)
+
+    def _error(self, label: Label, rotation: Rotation) -> float | None:
+        if label.rotation is None:
+            return None
+        try:
+            return rotation_error(label, rotation, self.symmetry(label))
+        except CadposeError:  # the true model's file is damaged; what is ranked need not be
+            return None
 
 
 def evaluate_retrieval(
     labels: Sequence[Label],
-    rank: Callable[[Label], Sequence[str]],
-    recoverable: type[Exception],
-    on_done: Callable[[RetrievalResult], None] = lambda _: None,
-) -> list[RetrievalResult]:
-    """Run ``rank`` over the labels that name a CAD; a ``recoverable`` error fails that photo only."""
+    outcome: Callable[[Label], Outcome],
+    known: Mapping[int, Outcome] | None = None,
+    on_done: Callable[[int, Outcome], None] = lambda number, outcome: None,
+) -> list[Outcome]:
+    """One outcome a label, in order.
+
+    Args:
+        labels: What is true.
+        outcome: Makes an outcome, as `RetrievalRun.outcome`.
+        known: Outcomes of an earlier run by the label's number; these photos are left alone.
+        on_done: Told each new outcome with its number.
+    """
+    known = known or {}
     results = []
-    for label in labels:
-        try:
-            ranking = tuple(rank(label))
-            place = ranking.index(label.cad) + 1 if label.cad in ranking else None
-            result = RetrievalResult(label, ranking, place)
-        except recoverable as error:
-            result = RetrievalResult(label, (), None, str(error))
-        results.append(result)
-        on_done(result)
+    for number, label in enumerate(labels):
+        if number in known:
+            results.append(known[number])
+            continue
+        results.append(outcome(label))
+        on_done(number, results[-1])
     return results
 
 
-def retrieval_table(results: Sequence[RetrievalResult]) -> dict[str, Any]:
-    """``top1``, ``top2``, ``top3`` as fractions of 1 over the photos that gave a ranking.
-
-    With a Wilson 95 % interval each, a row a class under ``classes`` and their macro mean. Where no photo
-    gave a ranking, all but ``n`` and ``yield`` are None.
-    """
-    classes = sorted({r.label.category for r in results})
-    rows = {c: _row([r for r in results if r.label.category == c]) for c in classes}
-    table: dict[str, Any] = _row(results)
-    table["classes"] = rows
-    answered = [row for row in rows.values() if row["n"] > 0]
-    table["macro"] = macro_mean(answered, ("top1", "top2", "top3")) if answered else {}
-    return table
+def failures(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
+    """(photo, reason) where something could not be used, each once; measured rejections are none."""
+    found: dict[tuple[str, str], None] = {}
+    for outcome in outcomes:
+        for answer in outcome.answers.values():
+            if isinstance(answer, Rejection) and answer.stage not in MEASURED:
+                found[str(outcome.label.photo), answer.reason] = None
+    return list(found)
 
 
-def _row(results: Sequence[RetrievalResult]) -> dict[str, Any]:
-    answered = [r for r in results if r.ranking]
-    n = len(answered)
-    row: dict[str, Any] = {"n": n, "yield": n / len(results) if results else 0.0}
-    for k in (1, 2, 3):
-        hits = sum(r.rank is not None and r.rank <= k for r in answered)
-        row[f"top{k}"] = hits / n if n else None
-        row[f"top{k}_interval"] = list(wilson_interval(hits, n)) if n else None
-    return row
+class _StopError(Exception):
+    def __init__(self, rejection: Rejection) -> None:
+        super().__init__(rejection.reason)
+        self.rejection = rejection
+
+
+@contextmanager
+def _at(stage: Stage, label: Label) -> Iterator[None]:
+    """Turn what a photo may fail with into its rejection at this stage."""
+    try:
+        yield
+    except DependencyError:
+        raise
+    except RejectedError as error:
+        raise _StopError(Rejection("review" if stage == "pose" else stage, str(error))) from error
+    except CadposeError as error:
+        reason = str(error)
+        for name in (f"{label.photo}: ", f"{label.photo} "):
+            reason = reason.removeprefix(name)
+        raise _StopError(Rejection(stage, reason.replace(str(label.photo), "…"))) from error

@@ -1,0 +1,175 @@
+"""``cadpose evaluate retrieval``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from cadpose.cli.options import Candidates, Device, Json, LibraryFolder, RendererName, Seed, make_annotator
+from cadpose.cli.output import complain, print_json, progress_bar
+
+if TYPE_CHECKING:
+    from cadpose.evaluation.retrieval import Outcome
+    from cadpose.evaluation.retrieval_job import Progress
+    from cadpose.evaluation.retrieval_tables import RetrievalTables
+    from cadpose.pipeline import Annotator
+
+
+def _known_measures(names: list[str] | None) -> list[str] | None:
+    from cadpose.evaluation.contest import ALL, known_names
+
+    known = (*known_names(), ALL)
+    for name in names or ():
+        if name not in known:
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}")
+    return names
+
+
+Measures = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--measure",
+        callback=_known_measures,
+        help="What ranks: aligned (unless told), fused, sm1, sm2 ..., or all; repeatable.",
+    ),
+]
+Boxes = Annotated[
+    Literal["true", "detected"],
+    typer.Option("--boxes", help="Take the labelled boxes, or those of the detector."),
+]
+RotationFrom = Annotated[
+    str,
+    typer.Option("--rotation", help="true: as labelled; predicted: by the estimator; or a label FILE."),
+]
+RejectFlagged = Annotated[
+    bool, typer.Option("--reject-flagged", help="Reject photos whose predicted rotation needs review.")
+]
+Accept = Annotated[
+    float,
+    typer.Option("--accept", min=0, max=1, help="Accept first candidates from this probability, if stated."),
+]
+Report = Annotated[
+    Path | None, typer.Option("--report", help="HTML file with tables, diagrams and examples.")
+]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with the same evaluation in --out.")]
+
+
+def retrieval(
+    dataset: Annotated[
+        Path, typer.Argument(help="Label file, JSON or JSONL: photo, category, cad, box, azimuth ...")
+    ],
+    gallery: Annotated[
+        Path | None,
+        typer.Option("--gallery", help="JSON array of CAD ids to choose among, or arrays by category."),
+    ] = None,
+    measure: Measures = None,
+    rotation: RotationFrom = "predicted",
+    boxes: Boxes = "true",
+    reject_flagged: RejectFlagged = False,
+    category: Annotated[str | None, typer.Option("--category", help="Only labels of this category.")] = None,
+    split: Annotated[
+        str,
+        typer.Option("--split", help="odd or even ones of each category, all, or a split of the labels."),
+    ] = "all",
+    limit: Annotated[
+        int | None, typer.Option("--limit", min=1, help="At most so many photos a category, evenly spread.")
+    ] = None,
+    accept: Accept = 0.9,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for every outcome and the tables.")
+    ] = None,
+    resume: Resume = False,
+    report: Report = None,
+    csv: Annotated[Path | None, typer.Option("--csv", help="CSV file with the tables.")] = None,
+    beside_paper: Annotated[
+        bool, typer.Option("--beside-paper", help="Show the paper's own tables too.")
+    ] = False,
+    library: LibraryFolder = None,
+    candidates: Candidates = 10,
+    renderer: RendererName = "raster",
+    json: Json = False,
+    device: Device = "cpu",
+    seed: Seed = 0,
+) -> None:
+    """How often the true CAD model is ranked first, second, third: the paper's Tables 1 to 4.
+
+    Exit code 1: a photo could not be used; the others were evaluated.
+    """
+    from cadpose.annotations.files import spare_photos
+    from cadpose.errors import InputError
+    from cadpose.evaluation.figures import require_matplotlib
+    from cadpose.evaluation.retrieval_inputs import choose_labels
+    from cadpose.evaluation.retrieval_job import RetrievalJob, run_job
+    from cadpose.evaluation.retrieval_store import OUTCOMES, SETTINGS
+    from cadpose.library.storage import write_atomic
+
+    if resume and out is None:
+        raise typer.BadParameter("--resume needs --out, the folder to go on with")
+    # Before the long part, so that nothing is evaluated in vain.
+    labels = choose_labels(dataset, category, split, limit)
+    inputs = [dataset, *(label.photo for label in labels), *([gallery] if gallery else [])]
+    inputs += [Path(rotation)] if rotation not in ("true", "predicted") else []
+    folder_files = [] if out is None else [out / name for name in (SETTINGS, OUTCOMES)]
+    spare_photos([path for path in (report, csv, *folder_files) if path is not None], inputs)
+    for path in (report, csv):
+        if path is not None and path.is_dir():
+            raise InputError(f"{path} is a folder: name a file")
+    if report is not None:
+        require_matplotlib()
+    job = RetrievalJob(
+        dataset, gallery, tuple(measure or ("aligned",)), rotation, boxes, reject_flagged, category, split,
+        limit, accept, device, seed,
+    )  # fmt: skip
+    annotator = make_annotator(library, device=device, seed=seed, candidates=candidates, renderer=renderer)
+    with photo_progress("retrieval") as progress:
+        tables, outcomes = run_job(
+            job, annotator, out, resume=resume, beside_paper=beside_paper, progress=progress
+        )
+    if csv is not None:
+        write_atomic(csv, tables.to_csv().encode("utf-8", "backslashreplace"))
+    tell(tables, outcomes, annotator, report, json)
+
+
+@contextmanager
+def photo_progress(what: str) -> Iterator[Progress]:
+    """A bar that learns the number of photos on its way."""
+    from cadpose.evaluation.retrieval_job import Progress
+
+    with progress_bar(what, None) as bar:
+        task = bar.tasks[0].id
+        advance: Callable[[], None] = lambda: bar.advance(task)  # noqa: E731
+        yield Progress(lambda photos: bar.update(task, total=photos), advance, complain)
+
+
+def tell(
+    tables: RetrievalTables,
+    outcomes: Sequence[Outcome],
+    annotator: Annotator,
+    report: Path | None,
+    json: bool,
+) -> None:
+    """Print the tables, write the report, name the photos that could not be used."""
+    from cadpose.evaluation.retrieval import failures
+    from cadpose.evaluation.retrieval_report import draw_examples, write_retrieval_report
+
+    broken = failures(outcomes)
+    for photo, reason in broken:
+        complain(reason if photo in reason else f"{photo}: {reason}")
+    if report is not None:
+        names = [table.measure for table in tables.tables]
+        with progress_bar("report", len(names)) as bar:
+            strips = draw_examples(annotator, outcomes, names, lambda: bar.advance(bar.tasks[0].id))
+        facts = {"Estimator": annotator.rotation.name, "Library": annotator.library.digest}
+        write_retrieval_report(report, tables, strips, facts)
+    if json:
+        print_json(tables.to_json())
+    else:
+        typer.echo(tables.to_text(), nl=False)
+        if report is not None:
+            typer.echo(f"\nReport: {report}")
+    if broken:
+        raise typer.Exit(1)

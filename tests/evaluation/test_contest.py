@@ -1,0 +1,147 @@
+"""Who ranks: measures at one rotation, rankers, and how they are chosen by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cadpose.backends import Backends
+from cadpose.encoder import lite0
+from cadpose.errors import CadposeError, DependencyError
+from cadpose.evaluation import contest as contest_module
+from cadpose.evaluation.contest import (
+    ALL,
+    RANKERS,
+    Contest,
+    Ranking,
+    known_names,
+    make_contest,
+    scores_together,
+)
+from cadpose.geometry.boxes import Box
+from cadpose.library.catalogue import Library
+from cadpose.pipeline import Annotator
+from cadpose.records import CadModel, Candidate, Mask, Photo, Rotation, Views
+from cadpose.similarity.local_affine import AffineComparison, LocalAffine
+from cadpose.similarity.registry import measures
+from tests.batch.fakes import FakeSimilarity, fake_annotator
+from tests.evaluation.retrieving import ranking
+from tests.small_library import shoot
+
+TRUE = Rotation(35, 12, 4)
+
+
+class Joint:
+    """Ranks by id, sure of itself."""
+
+    name = "joint"
+
+    def __init__(self, annotator: Annotator) -> None:
+        self.annotator = annotator
+
+    def rank(self, photo: Photo, box: Box, category: str, candidates: Sequence[CadModel]) -> Ranking:
+        ordered = sorted(candidates, key=lambda cad: cad.id)
+        return Ranking(tuple(Candidate(cad, -float(i), TRUE) for i, cad in enumerate(ordered)), 0.8)
+
+
+def test_a_ranking_knows_the_true_models_place() -> None:
+    one = ranking("bca")
+    assert [one.place(cad) for cad in ("a", "b", "z", None)] == [3, 1, None, None]
+
+
+@pytest.mark.parametrize(
+    ("probability", "needs_review", "accepted"),
+    [(None, None, None), (0.95, None, True), (0.5, None, False), (0.5, False, True), (0.99, True, False)],
+)
+def test_what_is_accepted(
+    probability: float | None, needs_review: bool | None, accepted: bool | None
+) -> None:
+    assert ranking("ab", probability=probability, needs_review=needs_review).accepted(0.9) is accepted
+
+
+def test_rankings_that_cannot_be() -> None:
+    with pytest.raises(ValueError, match="at least one candidate"):
+        Ranking(())
+    with pytest.raises(ValueError, match="each once"):
+        ranking("aa")
+    with pytest.raises(ValueError, match="outside"):
+        ranking("ab", probability=1.1)
+
+
+def test_a_contest_needs_names_of_its_own(small_library: Library) -> None:
+    with pytest.raises(ValueError, match="at least one"):
+        Contest()
+    with pytest.raises(ValueError, match="each once"):
+        Contest({"x": FakeSimilarity()}, {"x": Joint(fake_annotator(small_library))})
+
+
+def test_measures_score_what_the_annotator_scores(small_library: Library) -> None:
+    """The same order and scores as the pipeline's own ranking, for a quick and for a matching measure."""
+    shot = shoot(small_library, "made/car/hatch.obj", TRUE)
+    cads = small_library.models("car")
+    for name in ("aligned", "sm2"):
+        annotator = fake_annotator(small_library, similarity=name)
+        contest = make_contest(annotator, [name])
+        (found,) = contest.at_rotation(annotator, shot.photo, shot.box, cads, TRUE).values()
+        expected = annotator.rank(shot.photo, shot.box, cads, [TRUE])
+        assert [c.cad.id for c in found.candidates] == [c.cad.id for c in expected]
+        assert [c.score for c in found.candidates] == pytest.approx([c.score for c in expected])
+        assert found.place("made/car/hatch.obj") == 1 and found.candidates[0].rotation == TRUE
+
+
+def test_shared_matches_change_no_score(small_library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = shoot(small_library, "made/car/hatch.obj", TRUE)
+    annotator = fake_annotator(small_library)
+    views = Views.joined(
+        [annotator.render_framed(cad, TRUE.to_matrix()[None]) for cad in small_library.models("car")]
+    )
+    crop = np.array(shot.photo.rgb[:224, :224])
+    backends = Backends("cpu", 0, None, annotator.render_framed)
+    some = {n: backends.similarity(n) for n in ("aligned", "fused", "sm1", "sm2", "sift-sm2", "sift-sm3")}
+    alone = {name: measure.score(crop, None, views, aspect=1.3) for name, measure in some.items()}
+    calls: list[str] = []
+    real = LocalAffine.compare
+
+    def counted(
+        self: LocalAffine, crop: NDArray[np.uint8], mask: Mask | None, views: Views
+    ) -> AffineComparison:
+        calls.append(self.features.name)
+        return real(self, crop, mask, views)
+
+    monkeypatch.setattr(LocalAffine, "compare", counted)
+    together = scores_together(some, crop, views, 1.3)
+    assert set(together) == set(alone)
+    for name, scores in together.items():
+        np.testing.assert_array_equal(scores, alone[name], err_msg=name)
+    assert len(calls) == len(set(calls)) == 2
+
+
+def test_names(small_library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    annotator = fake_annotator(small_library)
+    assert set(known_names()) == set(measures(lite0(), 0))
+    monkeypatch.setitem(RANKERS, "joint", Joint)
+    assert known_names()[-1] == "joint"
+    contest = make_contest(annotator, ["joint", "sm2", "joint", "aligned"], seed=3)
+    assert contest.names == ("sm2", "aligned", "joint")
+    assert isinstance(ranker := contest.rankers["joint"], Joint) and ranker.annotator is annotator
+    with pytest.raises(CadposeError, match="unknown measure 'sm9', choose one of: aligned"):
+        make_contest(annotator, ["sm9"])
+
+
+def test_all_leaves_out_what_cannot_be_had(small_library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Missing(FakeSimilarity):
+        def __init__(self) -> None:
+            raise DependencyError("no weights")
+
+    annotator = fake_annotator(small_library)
+    table = {"quick": FakeSimilarity, "missing": Missing}
+    monkeypatch.setattr(contest_module, "registered", lambda encoder, seed: table)
+    monkeypatch.setattr("cadpose.similarity.registry.measures", lambda encoder, seed: table)
+    reasons: list[str] = []
+    assert make_contest(annotator, [ALL], left_out=reasons.append).names == ("quick",)
+    assert reasons == ["measure missing is left out: no weights"]
+    with pytest.raises(DependencyError, match="no weights"):
+        make_contest(annotator, ["missing"])
