@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import gzip
+import io
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from cadpose.errors import InputError
+from cadpose.similarity.delf import archive
+from cadpose.similarity.delf.archive import read_files
+
+PATTERN = r"pca/mean\.datum|model/\w+"
+
+
+def packed(path: Path, members: list[tuple[str, bytes]]) -> Path:
+    with tarfile.open(path, "w:gz") as made:
+        for name, data in members:
+            member = tarfile.TarInfo(name)
+            member.size = len(data)
+            made.addfile(member, io.BytesIO(data))
+    return path
+
+
+def test_chosen_files_of_an_archive_and_of_its_folder(tmp_path: Path) -> None:
+    members = [
+        ("delf/model/graph", b"a" * 3000),
+        ("delf/model/other.txt", b"b"),
+        ("delf/pca/mean.datum", b"c"),
+    ]
+    made = packed(tmp_path / "delf.tar.gz", members)
+    right = {"model/graph": b"a" * 3000, "pca/mean.datum": b"c"}
+    assert read_files(made, PATTERN, 4000) == right
+    with tarfile.open(made) as opened:
+        opened.extractall(tmp_path / "folder", filter="data")
+    assert read_files(tmp_path / "folder", PATTERN, 4000) == right
+    assert read_files(tmp_path / "folder" / "delf", PATTERN, 4000) == right
+
+
+def test_nothing_is_written_wherever_a_path_leads(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    paths = ["../../pca/mean.datum", "/model/graph", "model/../../up"]
+    made = packed(tmp_path / "in" / "delf.tar.gz", [(name, b"x") for name in paths])
+    assert set(read_files(made, PATTERN, 10)) == {"pca/mean.datum", "model/graph"}
+    assert [p.name for p in tmp_path.rglob("*")] == ["in", "delf.tar.gz"]
+
+
+def test_links_and_devices_are_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_bytes(b"secret")
+    path = tmp_path / "delf.tar.gz"
+    with tarfile.open(path, "w:gz") as made:
+        for name, kind in (("pca/mean.datum", tarfile.SYMTYPE), ("model/hard", tarfile.LNKTYPE)):
+            member = tarfile.TarInfo(name)
+            member.type, member.linkname = kind, str(tmp_path / "secret")
+            made.addfile(member)
+        device = tarfile.TarInfo("model/device")
+        device.type = tarfile.CHRTYPE
+        made.addfile(device)
+    assert read_files(path, PATTERN, 10) == {}
+
+
+def test_sizes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = packed(tmp_path / "delf.tar.gz", [("bomb", bytes(3 * 2**20)), ("model/graph", bytes(3 * 2**20))])
+    assert made.stat().st_size < 20_000
+    with pytest.raises(InputError, match=r"model/graph has more than 2 MiB"):
+        read_files(made, PATTERN, 2**21)
+    monkeypatch.setattr(archive, "MAX_UNPACKED", 2**21)
+    with pytest.raises(InputError, match="unpacks to more than 2 MiB"):
+        read_files(made, PATTERN, 2**30)
+    monkeypatch.setattr(archive, "MAX_PACKED", 1000)
+    with pytest.raises(InputError, match="larger than"):
+        read_files(made, PATTERN, 2**30)
+    monkeypatch.setattr(archive, "MAX_MEMBERS", 1)
+    (tmp_path / "more").write_bytes(b"")
+    with pytest.raises(InputError, match="more than 1 files"):
+        read_files(tmp_path, PATTERN, 2**30)
+
+
+def test_a_count_of_members_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(archive, "MAX_MEMBERS", 3)
+    made = packed(tmp_path / "delf.tar.gz", [(f"{i}", b"") for i in range(4)])
+    with pytest.raises(InputError, match="more than 3 files"):
+        read_files(made, PATTERN, 10)
+
+
+def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
+    made = packed(tmp_path / "delf.tar.gz", [("a/model/graph", b"1"), ("b/model/graph", b"2")])
+    with pytest.raises(InputError, match="model/graph twice"):
+        read_files(made, PATTERN, 10)
+
+
+def test_damaged_archives_are_told_of_in_a_sentence(tmp_path: Path) -> None:
+    made = packed(tmp_path / "delf.tar.gz", [("model/graph", bytes(range(256)) * 400)])
+    whole = made.read_bytes()
+    plain = gzip.decompress(whole)
+    damaged = [
+        b"",
+        b"no archive",
+        whole[: len(whole) // 2],
+        whole[:100] + bytes(60) + whole[160:],
+        gzip.compress(b"no tar, but long enough for one" * 40),
+        gzip.compress(plain[:5000]),
+    ]
+    for i, data in enumerate(damaged):
+        made.write_bytes(data)
+        with pytest.raises(InputError) as caught:
+            read_files(made, PATTERN, 2**20)
+        assert str(made) in str(caught.value) and "\n" not in str(caught.value), i
+    with pytest.raises(InputError, match="No such file"):
+        read_files(tmp_path / "none", PATTERN, 10)
