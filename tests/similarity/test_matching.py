@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from cadpose.similarity.local_features import unit
 from cadpose.similarity.matching import mutual_nearest, nearest_within
@@ -33,6 +34,18 @@ def test_nearest_within_is_one_directional_with_a_distance() -> None:
     # (1, 1, 1) is sqrt(2 - 2/sqrt 3) = 0.919 away from each.
     assert len(nearest_within(a, b, 0.92)) == 3
     assert len(mutual_nearest(a, b)) < 3
+
+
+@pytest.mark.parametrize("distance", [0.6, 0.8, 0.9])
+def test_nearest_within_finds_what_delfs_kd_tree_finds(distance: float) -> None:
+    spatial = pytest.importorskip("scipy.spatial")
+    rng = np.random.default_rng(4)
+    b = descriptors(300, d=40, seed=5)
+    a = unit((b[rng.integers(0, 300, 500)] + 0.12 * rng.normal(size=(500, 40))).astype(np.float32))
+    found, nearest = spatial.cKDTree(b).query(a, distance_upper_bound=distance)
+    rows = np.flatnonzero(np.isfinite(found))
+    assert 0 < len(rows) < 500
+    np.testing.assert_array_equal(nearest_within(a, b, distance), np.stack([rows, nearest[rows]], axis=1))
 
 
 def test_nothing_to_match() -> None:

@@ -30,10 +30,13 @@ def mutual_nearest(a: FloatMatrix, b: FloatMatrix) -> Pairs:
 def nearest_within(a: FloatMatrix, b: FloatMatrix, max_distance: float = 0.8) -> Pairs:
     """Every descriptor of ``a`` with its nearest of ``b``, if that is near: how DELF's script matches.
 
+    The script asks a kd-tree, which finds the same. In 40 dimensions a tree has to look at nearly all
+    descriptors, so that one product of matrices is the quicker way.
+
     Args:
         a: (P, D) descriptors of unit length.
         b: (Q, D) descriptors of unit length; one of them may be matched often.
-        max_distance: Largest Euclidean distance (0.8 there).
+        max_distance: Largest Euclidean distance (0.8 there, 0.9 where it reranks retrieved images).
 
     Returns:
         (M, 2) indices into ``a`` and ``b``.
