@@ -78,6 +78,10 @@ def test_only_features_within_the_mask(made: Parameters) -> None:
     (all_of_them,), (inside,) = delf.describe(picture[None]), delf.describe(picture[None], mask)
     assert 0 < len(inside) < len(all_of_them)
     assert (inside.xy > 224 / 2).all()
+    # Each keeps its own descriptor.
+    same = (all_of_them.xy > 224 / 2).all(axis=1)
+    np.testing.assert_array_equal(inside.xy, all_of_them.xy[same])
+    np.testing.assert_allclose(inside.descriptors, all_of_them.descriptors[same], atol=1e-6)
     assert len(delf.describe(picture[None], np.zeros_like(mask))[0]) == 0
 
 
