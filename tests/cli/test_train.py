@@ -137,11 +137,75 @@ def test_a_library_that_is_not_there(tmp_path: Path) -> None:
     assert not (tmp_path / "o").exists()
 
 
-def test_without_torch() -> None:
+@pytest.mark.parametrize("verb", ["rotation", "triplet"])
+def test_without_torch(verb: str) -> None:
     told = "import sys; sys.modules['torch'] = None; from cadpose.cli.main import main; main()"
-    arguments = ["train", "rotation", "--data", "a.json", "--out", "out"]
+    arguments = ["train", verb, "--data", "a.json", "--out", "out"]
     run = subprocess.run(
         [sys.executable, "-c", told, *arguments], capture_output=True, text=True, check=False
     )
     assert run.returncode == 1 and run.stdout == ""
     assert run.stderr == "cadpose: training needs the package torch: pip install 'cadpose[train]'\n"
+
+
+def test_the_triplet_baseline(
+    small_library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch")
+    from cadpose.training.triplet import train
+    from tests.training.triplet.made import TINY, write_photos
+
+    monkeypatch.setattr(train, "RECIPE", TINY)
+    labels, out = write_photos(small_library, tmp_path / "photos"), tmp_path / "out"
+    told = ["train", "triplet", "--data", labels, "--library", small_library.path, "--out", out]
+    report = said(cadpose(*told, "--val", labels, "--init", "random", "--epochs", 1, "--mining", "--json"))
+    assert (report["initial"], report["photos"], report["unmasked"]) == ("random", 5, 0)
+    assert report["validation"]["n"] == 5 and report["export_difference"] <= 1e-4
+    assert json.loads((out / "curves.jsonl").read_text()) == report["epochs"][0]
+    one_sentence(cadpose(*told, "--init", "random"), out, "--resume")
+    one_sentence(cadpose(*told, "--resume"), "mining")
+    table = cadpose(*told, "--mining", "--epochs", 2, "--resume")
+    assert table.exit_code == 0 and "from random weights" in table.stdout and "violations" in table.stdout
+    assert "not from ImageNet's" in table.stderr
+
+    # What was trained ranks the models.
+    monkeypatch.setenv("CADPOSE_TRIPLET", report["network"])
+    photo = tmp_path / "photos" / "0-0.png"
+    box = json.loads(labels.read_text().splitlines()[0])["box"]
+    one = ["annotate", photo, "--library", small_library.path, "--out", tmp_path / "found", "--box"]
+    one += [",".join(map(str, box)), "--category", "car", "--rotation", "25,12,3", "--similarity", "triplet"]
+    (answer,) = said(cadpose(*one, "--json"))
+    assert answer["error"] is None, answer
+    (annotation,) = json.loads(Path(answer["document"]).read_text())["annotations"]
+    assert annotation["provenance"]["similarity"] == "triplet"
+    candidates = annotation["candidates"]
+    assert len(candidates) == 3 and all(-2 <= c["measures"]["triplet"] <= 0 for c in candidates)
+
+
+def test_what_the_triplet_baseline_needs(
+    small_library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch")
+    from dataclasses import replace
+
+    from cadpose.training.triplet import train
+    from cadpose.weights import REGISTRY
+    from tests.training.triplet.made import TINY, write_photos
+
+    monkeypatch.setattr(train, "RECIPE", TINY)
+    entry = replace(REGISTRY["vgg16-imagenet"], url="http://127.0.0.1:9/vgg16-397923af.pth")
+    monkeypatch.setitem(REGISTRY, entry.name, entry)
+    monkeypatch.setenv("CADPOSE_CACHE", str(tmp_path / "cache"))
+    labels = write_photos(small_library, tmp_path / "photos")
+    told = ["train", "triplet", "--library", small_library.path, "--out", tmp_path / "out", "--data"]
+    offline = cadpose(*told, labels)
+    assert offline.exit_code == 1 and str(tmp_path / "cache" / "weights" / entry.file) in offline.stderr
+    one_sentence(cadpose(*told, labels, "--init", tmp_path / "none.pth"), "none.pth")
+    one_sentence(cadpose(*told, tmp_path / "none.jsonl", "--init", "random"), "none.jsonl")
+    for wrong in (["--trained-blocks", 6], ["--epochs", 0], ["--batch", 0], ["--renderer", "pov"]):
+        assert cadpose(*told, labels, *wrong).exit_code == 2
+    assert not (tmp_path / "out").exists()
+    monkeypatch.delenv("CADPOSE_TRIPLET", raising=False)
+    photo = tmp_path / "photos" / "0-0.png"
+    missing = cadpose("annotate", photo, "--library", small_library.path, "--similarity", "triplet")
+    one_sentence(missing, "cadpose train triplet")

@@ -12,10 +12,14 @@ from cadpose.similarity.aligned import AlignedCosine
 from cadpose.similarity.fused import Fused
 from cadpose.similarity.local_affine import LocalAffine, Measure
 from cadpose.similarity.local_features import DenseLite0
+from cadpose.similarity.triplet import TripletMeasure
 
 
 def measures(encoder: Lite0, seed: int) -> dict[str, Callable[[], SimilarityMeasure]]:
-    """Name to maker: ``aligned`` is the default, ``fused`` slower and better, the others the paper's."""
+    """Name to maker: ``aligned`` is the default, ``fused`` slower and better, the others the paper's.
+
+    ``triplet``, its learned baseline, needs a network of one's own.
+    """
     table: dict[str, Callable[[], SimilarityMeasure]] = {
         "aligned": partial(AlignedCosine, encoder),
         "fused": partial(Fused, encoder, seed),
@@ -23,4 +27,5 @@ def measures(encoder: Lite0, seed: int) -> dict[str, Callable[[], SimilarityMeas
     for measure in get_args(Measure):
         table[measure] = partial(LocalAffine, DenseLite0(encoder=encoder), measure, seed=seed)
         table[f"sift-{measure}"] = partial(LocalAffine.sift, measure, seed=seed)
+    table["triplet"] = lambda: TripletMeasure(device=encoder.device)
     return table

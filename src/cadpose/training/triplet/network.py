@@ -9,6 +9,8 @@ Source: Simonyan, Zisserman, "Very Deep Convolutional Networks for Large-Scale I
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -68,8 +70,8 @@ class TwoEncoders(nn.Module):
     def __init__(self, width: int = 64, normalise: bool = False) -> None:
         super().__init__()
         self.normalise = normalise
-        self.photo, self.render = Vgg16(width), Vgg16(width)
-        self.render.load_state_dict(self.photo.state_dict())
+        self.photo = Vgg16(width)
+        self.render = deepcopy(self.photo)
 
     def train_blocks(self, count: int) -> None:
         """Let the last ``count`` blocks of both learn."""
