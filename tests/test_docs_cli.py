@@ -92,13 +92,13 @@ def test_choices_are_found() -> None:
 def test_every_measure_is_named() -> None:
     section = sections()["cadpose annotate"]
     names = measures(cast(Lite0, None), 0)  # the names only: nothing is made
-    plain = {name for name in names if not name.startswith("sift-")}
+    plain = {name for name in names if "-" not in name}
     assert all(f"`{name}`" in section for name in plain)
-    assert {name.removeprefix("sift-") for name in names if name not in plain} == plain - {
-        "aligned",
-        "fused",
-        "triplet",
-    }
+    kinds = {name.partition("-")[0] for name in names if name not in plain}
+    assert kinds == {"sift", "delf", "xfeat"} and all(f"`{kind}-`" in section for kind in kinds)
+    for kind in kinds:
+        behind = {name.partition("-")[2] for name in names if name.startswith(f"{kind}-")}
+        assert behind == plain - {"aligned", "fused", "triplet"}
 
 
 def test_every_exit_code_and_environment_variable_is_told() -> None:

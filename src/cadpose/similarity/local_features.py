@@ -1,4 +1,7 @@
-"""Local features of a square crop or render: dense Lite0 cells (DELF-like) and SIFT."""
+"""Local features of a square crop or render: dense Lite0 cells (DELF-like) and SIFT.
+
+DELF itself is in :mod:`cadpose.similarity.delf`, XFeat in :mod:`cadpose.similarity.xfeat`.
+"""
 
 from __future__ import annotations
 

@@ -18,7 +18,8 @@ from cadpose.similarity.triplet import TripletMeasure
 def measures(encoder: Lite0, seed: int) -> dict[str, Callable[[], SimilarityMeasure]]:
     """Name to maker: ``aligned`` is the default, ``fused`` slower and better, the others the paper's.
 
-    ``triplet``, its learned baseline, needs a network of one's own.
+    ``triplet``, its learned baseline, needs a network of one's own. Those of ``delf-`` need torch and DELF's
+    weights, those of ``xfeat-`` an extra; their makers say so where it is missing.
     """
     table: dict[str, Callable[[], SimilarityMeasure]] = {
         "aligned": partial(AlignedCosine, encoder),
@@ -27,5 +28,15 @@ def measures(encoder: Lite0, seed: int) -> dict[str, Callable[[], SimilarityMeas
     for measure in get_args(Measure):
         table[measure] = partial(LocalAffine, DenseLite0(encoder=encoder), measure, seed=seed)
         table[f"sift-{measure}"] = partial(LocalAffine.sift, measure, seed=seed)
+    for measure in get_args(Measure):
+        table[f"delf-{measure}"] = _on(encoder, LocalAffine.delf, measure, seed)
+        table[f"xfeat-{measure}"] = _on(encoder, LocalAffine.xfeat, measure, seed)
     table["triplet"] = lambda: TripletMeasure(device=encoder.device)
     return table
+
+
+def _on(
+    encoder: Lite0, make: Callable[..., SimilarityMeasure], measure: Measure, seed: int
+) -> Callable[[], SimilarityMeasure]:
+    """A maker of a measure that runs where the encoder does."""
+    return lambda: make(measure, seed=seed, device=encoder.device)
