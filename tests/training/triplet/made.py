@@ -22,7 +22,7 @@ TINY = Recipe(
     framing=Framing(side=48, longer=40),
     trained_blocks=5,
     epochs=3,
-    width=8,
+    width=4,
 )
 
 

@@ -8,9 +8,13 @@ import pytest
 
 from cadpose.datasets.labels import read_labels
 from cadpose.errors import InputError
+from cadpose.geometry.boxes import mask_iou
 from cadpose.library.catalogue import Library
 from cadpose.rendering.raster import Rasteriser
 from cadpose.similarity.triplet_framing import Framing
+from cadpose.training.synth.options import SynthOptions
+from cadpose.training.synth.recipe import Recipe
+from cadpose.training.synth.writer import write_photos as write_synthetic
 from cadpose.training.triplet.data import Pictures, digest, shown, training_examples, validation_examples
 from tests.training.triplet.made import write_photos
 
@@ -106,3 +110,17 @@ def test_only_the_rasteriser_draws_in_several_threads(pictures: Pictures) -> Non
 
     assert pictures.workers(3) == 3 and pictures.workers(0) >= 1
     assert Pictures(pictures.library, Slow(), pictures.framing).workers(3) == 1
+
+
+def test_synthetic_photos_are_labelled_as_wanted(small_library: Library, tmp_path: Path) -> None:
+    """What `cadpose synth --warp 0` writes: the masked photo and the positive have one outline."""
+    options = SynthOptions(size=128, warp=0.0, redress=0.0, company=0.0, occluder=0.0, truncate=0.0)
+    recipe = Recipe.from_library(small_library, options=options, seed=3)
+    write_synthetic(recipe, tmp_path, 8, format="png")
+    examples = training_examples(tmp_path / "labels.jsonl", small_library)
+    assert len(examples) == 8
+    pictures = Pictures(Library.open(small_library.path), Rasteriser(), Framing(side=80, longer=60))
+    models = pictures.library.models()
+    for seen in shown(examples, range(8), [[]] * 8, models, pictures, 1):
+        inside, drawn = (picture[0].max(axis=2) > 0 for picture in (seen.photo, seen.renders))
+        assert mask_iou(inside, drawn) > 0.9

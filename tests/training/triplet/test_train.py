@@ -209,7 +209,7 @@ def test_it_learns_a_small_set_by_heart(labels: Path, library: Library) -> None:
     photos = list(shown(examples, range(5), negatives, models, pictures, 2))
     optimiser = torch.optim.SGD(network.parameters(), TINY.rate, momentum=TINY.momentum)
     losses = []
-    for _ in range(60):
+    for _ in range(40):
         optimiser.zero_grad()
         loss = torch.cat([photo_losses(network, photo, TINY.margin)[0] for photo in photos]).mean()
         loss.backward()  # type: ignore[no-untyped-call]
