@@ -7,55 +7,25 @@ first use, and a file that changes afterwards is refused. Tensors are read witho
 
 from __future__ import annotations
 
-import hashlib
-import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from torch import Tensor
 
-from cadpose.errors import DependencyError
-from cadpose.library.storage import write_atomic
 from cadpose.training.checkpoints import read_checkpoint, set_weights, tensors
 from cadpose.training.posecontrast.network import PoseContrast
-from cadpose.weights import cache_folder
-
-log = logging.getLogger(__name__)
+from cadpose.weights import Unpublished, placed
 
 #: What precedes the encoder's names in MoCo's checkpoints.
 MOCO_PREFIX = "module.encoder_q."
 
 
-@dataclass(frozen=True, slots=True)
-class Checkpoint:
-    """A file of weights without a published SHA-256.
-
-    Attributes:
-        name: What ``--init`` asks for.
-        file: File name in the cache's folder ``weights``.
-        url: Where a person can fetch it.
-        licence: As its publisher tells, ``"unknown"`` where not.
-        md5: Published MD5, or empty.
-    """
-
-    name: str
-    file: str
-    url: str
-    licence: str
-    md5: str = ""
-
-    @property
-    def path(self) -> Path:
-        """Where the file is looked for."""
-        return cache_folder() / "weights" / self.file
-
-
-CHECKPOINTS: dict[str, Checkpoint] = {
+#: What ``--init`` asks for by name.
+CHECKPOINTS: dict[str, Unpublished] = {
     c.name: c
     for c in (
-        Checkpoint(
+        Unpublished(
             name="moco",
             file="moco_v2_800ep_pretrain.pth.tar",
             url="https://dl.fbaipublicfiles.com/moco/moco_checkpoints/moco_v2_800ep/moco_v2_800ep_pretrain.pth.tar",
@@ -64,13 +34,13 @@ CHECKPOINTS: dict[str, Checkpoint] = {
             # The README of facebookresearch/moco tells the first eight digits.
             md5="a04e12f8b0e44fdcac1fb4e06f33727b",
         ),
-        Checkpoint(
+        Unpublished(
             name="posecontrast-pascal3d",
             file="posecontrast-pascal3d.pth",
             url="https://www.dropbox.com/s/mlmubnz9xgbflm4/ckpt.pth",
             licence="unknown",
         ),
-        Checkpoint(
+        Unpublished(
             name="posecontrast-objectnet3d",
             file="posecontrast-objectnet3d.pth",
             url="https://github.com/YoungXIAO13/PoseContrast (the link in its README)",
@@ -87,29 +57,7 @@ def checkpoint_file(name: str) -> Path:
         DependencyError: it is not there, is not the published file, or has changed since its first use.
         KeyError: no checkpoint has that name.
     """
-    checkpoint = CHECKPOINTS[name]
-    path = checkpoint.path
-    if not path.is_file():
-        raise DependencyError(
-            f"the weights {name} are not fetched by cadpose, for no SHA-256 of them is published: "
-            f"fetch {checkpoint.url} and put it at {path}"
-        )
-    if checkpoint.md5 and _digest(path, "md5") != checkpoint.md5:
-        raise DependencyError(f"{path} is not the published file (MD5 differs): fetch {checkpoint.url} again")
-    digest, record = _digest(path, "sha256"), path.with_name(path.name + ".sha256")
-    try:
-        known = record.read_text(encoding="ascii").split()[0] if record.is_file() else ""
-    except (OSError, ValueError, IndexError):
-        known = "unreadable"
-    if not known:
-        write_atomic(record, f"{digest}  {path.name}\n".encode("ascii"))
-        log.warning("%s is used for the first time; its SHA-256 %s is now kept in %s", path, digest, record)
-    elif known != digest:
-        raise DependencyError(
-            f"{path} has changed since its first use (SHA-256 differs from {record.name} beside it): "
-            f"fetch {checkpoint.url} again, or delete {record} if you know why"
-        )
-    return path
+    return placed(CHECKPOINTS[name])
 
 
 def load_initial(network: PoseContrast, init: str) -> Literal["random", "encoder", "network"]:
@@ -161,8 +109,3 @@ def load_weights(
 
 def _without_last(weights: dict[str, Tensor]) -> dict[str, Tensor]:
     return {k: v for k, v in weights.items() if not k.startswith("fc.")}
-
-
-def _digest(path: Path, algorithm: str) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, algorithm).hexdigest()
