@@ -25,6 +25,8 @@ VERBS: tuple[list[str], ...] = (
     ["evaluate"],
     ["evaluate", "rotation"],
     ["evaluate", "retrieval"],
+    ["experiment"],
+    ["experiment", "paper"],
     ["library"],
     ["library", "add"],
     ["library", "list"],

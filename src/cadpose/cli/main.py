@@ -10,7 +10,19 @@ import typer
 from typer.core import TyperGroup
 
 from cadpose import __version__
-from cadpose.cli import annotate, bench, blender, dataset, detect, doctor, evaluate, library, synth, train
+from cadpose.cli import (
+    annotate,
+    bench,
+    blender,
+    dataset,
+    detect,
+    doctor,
+    evaluate,
+    experiment,
+    library,
+    synth,
+    train,
+)
 from cadpose.cli.output import set_up_logging, user_errors
 
 
@@ -51,6 +63,7 @@ def _root(
 app.command("annotate")(annotate.annotate)
 app.command("detect")(detect.detect)
 app.add_typer(evaluate.app, name="evaluate")
+app.add_typer(experiment.app, name="experiment")
 app.add_typer(library.app, name="library")
 app.add_typer(dataset.app, name="dataset")
 app.command("doctor")(doctor.doctor)

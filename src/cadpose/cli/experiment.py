@@ -1,0 +1,121 @@
+"""``cadpose experiment``."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from cadpose.cli.options import Categories, Device, Json, LibraryFolder, Seed, make_annotator
+from cadpose.cli.output import complain, progress_bar
+from cadpose.cli.retrieval import Measures, RejectFlagged, Report, photo_progress, tell
+
+app = typer.Typer(help="Experiments of papers, rebuilt.", no_args_is_help=True)
+
+
+@app.callback()
+def _group() -> None:
+    """Keep ``paper`` a sub-command though it is the only one."""
+
+
+@app.command("paper")
+def paper(
+    out: Annotated[Path, typer.Argument(help="Folder for gallery, photos, labels, outcomes and tables.")],
+    renderer: Annotated[
+        Literal["auto", "blender", "raster"],
+        typer.Option("--renderer", help="What draws the photos; auto: Blender where it is set up."),
+    ] = "auto",
+    photos: Annotated[int, typer.Option("--photos", min=1, help="Photos a category.")] = 100,
+    models: Annotated[int, typer.Option("--models", min=2, help="CAD models a category.")] = 10,
+    category: Categories = None,
+    size: Annotated[int, typer.Option("--size", min=32, max=4096, help="Side of a photo in pixels.")] = 320,
+    samples: Annotated[int, typer.Option("--samples", min=1, max=4096, help="Blender's rays a pixel.")] = 16,
+    backgrounds: Annotated[
+        Path | None,
+        typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
+    ] = None,
+    hdri: Annotated[
+        Path | None,
+        typer.Option("--hdri", help="Folder of .hdr or .exr panoramas that light Blender's photos."),
+    ] = None,
+    measure: Measures = None,
+    rotation: Annotated[
+        Literal["predicted", "true"], typer.Option("--rotation", help="Rotation that models are compared at.")
+    ] = "predicted",
+    boxes: Annotated[
+        Literal["detected", "true"], typer.Option("--boxes", help="Boxes of the detector, or the true ones.")
+    ] = "detected",
+    reject_flagged: RejectFlagged = False,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes that draw; one a core unless told.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with a folder of the same settings.")
+    ] = False,
+    report: Report = None,
+    library: LibraryFolder = None,
+    json: Json = False,
+    device: Device = "cpu",
+    seed: Seed = 0,
+) -> None:
+    """The paper's set-up on synthetic photos: its ten categories, ten models each; Tables 1 to 4.
+
+    Exit code 1: a photo could not be used; the others were evaluated.
+    """
+    from cadpose.errors import InputError
+    from cadpose.evaluation.figures import require_matplotlib
+    from cadpose.evaluation.paper_experiment import (
+        MEASURES,
+        PaperSetup,
+        draw_paper_set,
+        evaluate_paper_set,
+        usual_renderer,
+    )
+    from cadpose.library.catalogue import Library
+    from cadpose.library.class_map import PAPER_CATEGORIES
+
+    drawn_by = usual_renderer() if renderer == "auto" else renderer
+    if renderer == "auto" and drawn_by == "raster":
+        complain("Blender is not set up, the rasteriser draws: a quick look only (`cadpose blender setup`)")
+    if report is not None:
+        require_matplotlib()
+        if report.is_dir():
+            raise InputError(f"{report} is a folder: name a file")
+    setup = PaperSetup(
+        drawn_by,
+        tuple(sorted(category or PAPER_CATEGORIES)),
+        models,
+        photos,
+        size,
+        samples,
+        backgrounds,
+        hdri,
+        seed,
+    )
+    with progress_bar("draw", len(setup.categories) * photos) as bar:
+        gallery = draw_paper_set(
+            setup,
+            out,
+            Library.open(library),
+            workers=workers or os.cpu_count() or 1,
+            resume=resume,
+            progress=lambda done, total: bar.update(bar.tasks[0].id, completed=done, total=total),
+        )
+    annotator = make_annotator(library, device=device, seed=seed, candidates=models)
+    with photo_progress("retrieval") as progress:
+        tables, outcomes = evaluate_paper_set(
+            out,
+            gallery,
+            annotator,
+            measures=tuple(measure or MEASURES),
+            rotation=rotation,
+            boxes=boxes,
+            reject_flagged=reject_flagged,
+            device=device,
+            seed=seed,
+            resume=resume,
+            progress=progress,
+        )
+    tell(tables, outcomes, annotator, report, json)
