@@ -137,11 +137,11 @@ def test_all_leaves_out_what_cannot_be_had(small_library: Library, monkeypatch: 
             raise DependencyError("no weights")
 
     annotator = fake_annotator(small_library)
-    table = {"quick": FakeSimilarity, "missing": Missing}
+    table = {"quick": FakeSimilarity, "missing": Missing, "too": Missing}
     monkeypatch.setattr(contest_module, "registered", lambda encoder, seed: table)
     monkeypatch.setattr("cadpose.similarity.registry.measures", lambda encoder, seed: table)
     reasons: list[str] = []
     assert make_contest(annotator, [ALL], left_out=reasons.append).names == ("quick",)
-    assert reasons == ["measure missing is left out: no weights"]
+    assert reasons == ["left out: missing, too: no weights"]
     with pytest.raises(DependencyError, match="no weights"):
         make_contest(annotator, ["missing"])

@@ -101,5 +101,10 @@ def test_rotation_errors_and_the_papers_tables() -> None:
     assert found.within_30 == (2, 3)
     assert [table.note for table in found.tables] == ["Dense.", ""] and found.notes == ("Small.",)
     assert [other.caption[:19] for other in found.beside] == ["THE PAPER'S Table 2", "THE PAPER'S Table 4"]
+    delf = retrieval_tables(
+        [outcome(1, names=("delf-sm3", "sm3"))], ["delf-sm3", "sm3"], dataset="x", rotation="", boxes="",
+        beside_paper=True,
+    )  # fmt: skip
+    assert [other.caption[:19] for other in delf.beside] == ["THE PAPER'S Table 3", "THE PAPER'S Table 4"]
     bare = retrieval_tables([outcome(1)], ["one"], dataset="x", rotation="", boxes="")
     assert bare.within_30 is None and bare.beside == ()

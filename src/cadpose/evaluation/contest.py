@@ -150,7 +150,7 @@ def make_contest(
         names: Names of `known_names`; `ALL` stands for every one that can be made.
         device: ``"cpu"`` or ``"cuda"``.
         seed: Seeds measures that draw random numbers.
-        left_out: Told why a measure of `ALL` is missing.
+        left_out: Told why measures of `ALL` are missing, those of one reason together.
 
     Raises:
         CadposeError: a name is not known, or nothing can be made.
@@ -162,6 +162,7 @@ def make_contest(
             raise CadposeError(f"unknown measure {name!r}, choose one of: {', '.join((*known, ALL))}")
     backends = Backends(device, seed, None, annotator.render_framed)
     measures, rankers = {}, {}
+    missing: dict[str, list[str]] = {}
     for name in dict.fromkeys(n for named in names for n in (known if named == ALL else (named,))):
         try:
             if name in RANKERS:
@@ -171,7 +172,9 @@ def make_contest(
         except DependencyError as error:
             if name in names:
                 raise
-            left_out(f"measure {name} is left out: {error}")
+            missing.setdefault(str(error), []).append(name)
+    for reason, some in missing.items():
+        left_out(f"left out: {', '.join(some)}: {reason}")
     return Contest(measures, rankers)
 
 

@@ -64,7 +64,9 @@ def retrieval_tables(
     errors = [o.rotation_error for o in outcomes if o.rotation_error is not None]
     beside: list[MeasureTable | MethodTable] = []
     if beside_paper:
-        beside += [TABLES_1_TO_3[name] for name in names if name in TABLES_1_TO_3]
+        # "delf-sm2" is the paper's SM2 too.
+        bare = {name.rpartition("-")[2] for name in names}
+        beside += [table for name, table in TABLES_1_TO_3.items() if name in bare]
         beside.append(TABLE_4)
     return RetrievalTables(
         dataset=dataset,
