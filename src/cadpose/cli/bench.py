@@ -29,13 +29,15 @@ def bench(
     taken in one run on this machine.
     """
     from cadpose.evaluation.bench_rendering import bench_renderers
-    from cadpose.evaluation.bench_stages import bench_meshes, bench_stages, stand_in_photo
+    from cadpose.evaluation.bench_rotation import bench_rotation
+    from cadpose.evaluation.bench_stages import STAND_IN_BOX, bench_meshes, bench_stages, stand_in_photo
     from cadpose.evaluation.bench_synth import bench_synth
     from cadpose.photos import find_photos, read_photo
 
     annotator = make_annotator(library, device=device, seed=seed)
     pictures = [read_photo(p) for p in find_photos(photos)] if photos else [stand_in_photo(annotator)]
     stages = bench_stages(annotator, pictures, repeats)
+    rotation = bench_rotation(annotator, stand_in_photo(annotator), STAND_IN_BOX, max(repeats, 5))
     timings = []
     if renderers:
         timings = bench_renderers(
@@ -47,6 +49,7 @@ def bench(
         print_json(
             {
                 "stages": stages,
+                "rotation": rotation,
                 "renderers": [dataclasses.asdict(t) for t in timings],
                 "synth": drawn and dataclasses.asdict(drawn),
             }
@@ -56,6 +59,12 @@ def bench(
     rows = [[stage, f"{ms:.0f}", f"{ms / total:.0%}"] for stage, ms in stages.items()]
     print_table(
         "A photo, by stage", ["stage", "ms a photo", "share"], [*rows, ["all", f"{total:.0f}", "100%"]]
+    )
+    whole = rotation["whole"]
+    print_table(
+        "One rotation estimate, one core",
+        ["part", "ms", "share"],
+        [[part, f"{ms:.1f}", f"{ms / whole:.0%}"] for part, ms in rotation.items()],
     )
     if timings:
         lines = [

@@ -8,6 +8,7 @@ import numpy as np
 
 from cadpose.errors import LibraryError
 from cadpose.geometry.angles import rotation_from_angles
+from cadpose.geometry.boxes import Box
 from cadpose.geometry.camera import Cameras
 from cadpose.library.catalogue import Library
 from cadpose.library.mesh import Mesh
@@ -43,6 +44,10 @@ def bench_meshes(library: Library) -> dict[str, Mesh]:
     counts = np.log([m.face_count for m in models])
     chosen = {models[int(np.abs(counts - np.log(w)).argmin())].id for w in wanted}
     return {f"{i} ({library.get(i).face_count} faces)": library.mesh(i) for i in sorted(chosen)}
+
+
+#: Where :func:`stand_in_photo` shows its object.
+STAND_IN_BOX = Box(80, 0, 560, 480)
 
 
 def stand_in_photo(annotator: Annotator) -> Photo:

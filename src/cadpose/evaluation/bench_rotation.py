@@ -1,0 +1,60 @@
+"""What a rotation estimate is made of: milliseconds by part, warm, on one core."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from cadpose.encoder import SIDE, Lite0
+from cadpose.errors import LibraryError
+from cadpose.geometry.boxes import Box
+from cadpose.photos import crop_square
+from cadpose.pipeline import Annotator
+from cadpose.records import Photo
+from cadpose.rotation.embedded import EmbeddedRotation
+from cadpose.rotation.features import Described, describe
+from cadpose.rotation.network import RotationNetwork
+
+
+def bench_rotation(annotator: Annotator, photo: Photo, box: Box, repeats: int) -> dict[str, float]:
+    """Median milliseconds of the default estimator's parts, one thread, templates cached.
+
+    ``encoder`` describes the crop and its mirror image, ``network`` and ``templates`` are asked about both,
+    ``whole`` is one estimate with all of it and what joins them.
+
+    Raises:
+        LibraryError: the library has no model to compare with.
+    """
+    library = annotator.library
+    category = "car" if "car" in library.categories() else next(iter(library.categories()), None)
+    if category is None or not isinstance(annotator.rotation, EmbeddedRotation):
+        raise LibraryError(
+            "the rotation is timed with the embedded estimator and a library that is not empty"
+        )
+    cads = library.representatives(category, annotator.candidate_count)
+    compare, encoder = annotator.rotation.compare, Lite0(threads=1)
+    network = RotationNetwork(threads=1)
+    estimator = EmbeddedRotation(compare, encoder, network=network, symmetry=library.symmetry)
+    crop = crop_square(photo.rgb, box, SIDE)
+    both = np.stack([crop, crop[:, ::-1]])
+    described = describe(encoder, both)
+    one = Described(tuple(c[:1] for c in described.cells), tuple(c[:1] for c in described.cover))
+    parts: dict[str, Callable[[], object]] = {
+        "encoder": lambda: describe(encoder, both),
+        "network": lambda: network.look(both, described, category, (False, True)),
+        "templates": lambda: [compare.cosines(one, cads) for _ in both],
+        "whole": lambda: estimator.estimate(crop, cads),
+    }
+    return {name: _median_ms(work, repeats) for name, work in parts.items()}
+
+
+def _median_ms(work: Callable[[], object], repeats: int) -> float:
+    work()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        times.append(1000.0 * (time.perf_counter() - start))
+    return float(np.median(times))
