@@ -2,9 +2,9 @@
 
     python scripts/fit_rotation_calibration.py TRAINING_LIBRARY OUT.json --backgrounds DIR
 
-The photos show held-out models (`training/data/held-out.json`), which no weights have seen; the model shown
-is taken out of the models that vote, as the object of a real photo is seldom in the library. No real photo
-takes part. The first hypothesis of a photo is its answer, right if it is within 30° of the truth modulo
+The photos show held-out models (`training/data/held-out.json`), which no weights have seen. Each is asked about
+twice: with the model shown among those that vote, as one who looks for the own CAD models has it, and without.
+No real photo takes part. The first hypothesis is the answer, right if it is within 30° of the truth modulo
 symmetry.
 """
 
@@ -27,8 +27,9 @@ from cadpose.rotation.embedded import FEATURES, EmbeddedRotation
 from cadpose.training.lite.sources import head_options, sources
 from cadpose.training.synth.options import SynthOptions
 
-#: Precision that answers without a flag are to have.
-PRECISION = 0.98
+#: Precision that answers without a flag are to have on these photos. Drawn objects are harder to tell than
+#: photographed ones: what has it here has more on real photos.
+PRECISION = 0.95
 _LEAST_VISIBLE, _LEAST_SIDE = 0.5, 40.0
 #: Categories whose models have a front that can be told. What is all but round, as most lamps and bottles, is
 #: right by chance.
@@ -56,7 +57,7 @@ def main() -> None:
     annotator = Annotator()
     estimator = annotator.rotation
     assert isinstance(estimator, EmbeddedRotation)
-    features, errors, first = [], [], []
+    rows: list[tuple[str, bool, float, np.ndarray]] = []
     generator = replace(unseen, options=LIKE_REAL).generator()
     with progress_bar("photos", told.photos) as bar:
         for i in range(told.first, told.first + told.photos):
@@ -68,24 +69,25 @@ def main() -> None:
             box = shown.box.clipped(photo.rgb.shape[1], photo.rgb.shape[0])
             if box is None or shown.visible < _LEAST_VISIBLE or max(box.width, box.height) < _LEAST_SIDE:
                 continue
-            pool = [m for m in annotator.library.representatives(shown.category, 10) if m.id != shown.cad]
-            found = estimator.propose(crop_square(photo.rgb, box), pool)
+            others = [m for m in annotator.library.representatives(shown.category, 10) if m.id != shown.cad]
             r = shown.rotation
             truth = rotation_from_angles(r.azimuth, r.elevation, r.inplane)
-            group = shown.symmetry.about()
-            errors.append(
-                group.geodesic_degrees(found.R_cv_from_s, np.broadcast_to(truth, found.R_cv_from_s.shape))
-            )
-            features.append(found.features)
-            first.append(np.arange(len(found.scores)) == 0)
-    X, error, is_first = np.concatenate(features), np.concatenate(errors), np.concatenate(first)
-    fitted = Calibration.fit(X[is_first], error[is_first], FEATURES, target_precision=PRECISION)
+            own = annotator.library.get(shown.cad)
+            for pool in (others, [own, *others[:9]]):
+                found = estimator.propose(crop_square(photo.rgb, box), pool)
+                error = shown.symmetry.about().geodesic_degrees(found.R_cv_from_s[0], truth)
+                rows.append((shown.category, own in pool, float(error), found.features[0]))
+    X, error = np.stack([row[3] for row in rows]), np.array([row[2] for row in rows])
+    fitted = Calibration.fit(X, error, FEATURES, target_precision=PRECISION)
     write_atomic(told.out, fitted.to_json().encode())
-    kept = is_first & ~fitted.needs_review(X)
-    right = error <= WITHIN
-    print(f"{is_first.sum()} photos, first answers within {WITHIN:.0f}°: {right[is_first].mean():.1%}")
-    print(f"without a flag: {kept.sum() / is_first.sum():.1%}, of these right: {right[kept].mean():.1%}")
-    print(f"mean probability of first answers: {fitted.probability(X[is_first]).mean():.1%}")
+    right, kept = error <= WITHIN, ~fitted.needs_review(X)
+    for category in (*FRONTED, None):
+        for among in (False, True):
+            of = np.array([row[0] == (category or row[0]) and row[1] == among for row in rows])
+            voted = "with its model" if among else "without"
+            print(f"{category or 'all'}, {voted}: {of.sum()} photos, {right[of].mean():.1%} within {WITHIN:.0f}°")
+    print(f"without a flag: {kept.mean():.1%}, of these right: {right[kept].mean():.1%}")
+    print(f"mean probability: {fitted.probability(X).mean():.1%}, right: {right.mean():.1%}")
 
 
 if __name__ == "__main__":

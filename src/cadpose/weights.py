@@ -100,8 +100,8 @@ REGISTRY: dict[str, Weights] = {
         Weights(
             name="rotation",
             file="data/weights/rotation.onnx",
-            sha256="e2511fe396fa67d98179b11ef738d0d0a228b95333ac46d328336123ab256e11",
-            size=13557912,
+            sha256="6355e40ec7368da73a29fef9349a74b73a24d6103cdea8f9d2dd63d7584937d2",
+            size=13_558_780,
             licence="Apache-2.0",
             package="cadpose",
             requirement="cadpose",

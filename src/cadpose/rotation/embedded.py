@@ -32,18 +32,24 @@ from cadpose.rotation.render_and_compare import RenderAndCompare, between_grid_p
 _APART = 25.0
 #: Triples of bins that proposals are picked from.
 _TRIPLES = 40
-#: Cosines of the vote are divided by this before they are added to the log probability.
+#: Cosines of the vote are divided by this before they are added to the log probability, where the best of
+#: them is _USUAL_LIKENESS. The vote counts the more, by the square, the more a template is like the photo:
+#: a model that is nearly the object's own knows its rotation, models that are not like it know little.
 _VOTE_TEMPERATURE = 0.02
+_USUAL_LIKENESS = 0.3
+_LEAST_LIKENESS = 0.05
 #: Weight of the log probability beside the vote.
 _NETWORK_WEIGHT = 1.0
 #: The vote of grid points within this angle speaks for a rotation, degrees.
 _NEAR = 12.0
 #: Share of a proposal where the peak of both is near enough to be averaged with.
 _NETWORK_SHARE = 0.5
+#: Natural logarithms of odds at which a lead over the other proposals says all that it can.
+_SURE = 4.0
 #: The shipped calibration, fitted by scripts/fit_rotation_calibration.py.
 CALIBRATION = "rotation-calibration.json"
 #: Names of the features that the probability is made of.
-FEATURES = ("margin", "network", "vote", "apart", "grid")
+FEATURES = ("margin", "network", "vote", "apart", "grid", "likeness")
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,12 +174,14 @@ def fused(angles: AngleDistributions, vote: FloatArray, group: SymmetryGroup, co
     """
     triples, chances = angles.likeliest(_TRIPLES)
     R_net = rotation_from_angles(*triples.T)
-    total = vote / _VOTE_TEMPERATURE + _NETWORK_WEIGHT * angles.density(grid_angles())
+    likeness = max(float(vote.max()), _LEAST_LIKENESS)
+    temperature = _VOTE_TEMPERATURE * (_USUAL_LIKENESS / likeness) ** 2
+    total = vote / temperature + _NETWORK_WEIGHT * angles.density(grid_angles())
     peak = int(total.argmax())
-    pool = np.concatenate([R_net, between_grid_points(total * _VOTE_TEMPERATURE, peak)[None]])
+    pool = np.concatenate([R_net, between_grid_points(total * temperature, peak)[None]])
     log_chance = np.append(np.log(chances + 1e-9), angles.density(grid_angles()[peak : peak + 1]))
     near = _near_vote(pool, vote)
-    score = near / _VOTE_TEMPERATURE + _NETWORK_WEIGHT * log_chance
+    score = near / temperature + _NETWORK_WEIGHT * log_chance
     chosen: list[int] = []
     for k in np.argsort(-score, kind="stable"):
         apart = [float(group.geodesic_degrees(pool[k], pool[j])) for j in chosen]
@@ -181,7 +189,7 @@ def fused(angles: AngleDistributions, vote: FloatArray, group: SymmetryGroup, co
             chosen.append(int(k))
         if len(chosen) == count:
             break
-    R = np.stack([_settled(pool[k], total) for k in chosen])
+    R = np.stack([_settled(pool[k], total * temperature) for k in chosen])
     best = score[chosen]
     rest = np.array(
         [
@@ -193,11 +201,12 @@ def fused(angles: AngleDistributions, vote: FloatArray, group: SymmetryGroup, co
     from_vote = group.geodesic_degrees(R, np.broadcast_to(grid_rotations()[int(vote.argmax())], R.shape))
     features = np.stack(
         [
-            np.clip(best - rest, -20.0, 20.0),
+            np.tanh((best - rest) / _SURE),
             np.clip(log_chance[chosen], -10.0, 0.0),
             near[chosen] - vote.max(),
             np.minimum(from_network, 60.0) / 60.0,
             np.minimum(from_vote, 60.0) / 60.0,
+            np.full(len(chosen), likeness),
         ],
         axis=1,
     )
@@ -219,12 +228,12 @@ def _near_vote(R: FloatArray, vote: FloatArray) -> FloatArray:
 
 
 def _settled(R: FloatArray, total: FloatArray) -> FloatArray:
-    """A proposal, averaged with the peak of both together where that is near."""
+    """A proposal, averaged with the peak of both together, on the scale of the vote, where that is near."""
     distance = geodesic_degrees(R, grid_rotations())
     near = np.flatnonzero(distance <= _NEAR)
     if not len(near):
         return R
-    peak = between_grid_points(total * _VOTE_TEMPERATURE, int(near[total[near].argmax()]))
+    peak = between_grid_points(total, int(near[total[near].argmax()]))
     if geodesic_degrees(R, peak) > 1.5 * _NEAR:
         return R
     U, _, Vt = np.linalg.svd(_NETWORK_SHARE * R + (1.0 - _NETWORK_SHARE) * peak)

@@ -104,7 +104,7 @@ class HeadRecipe:
         seconds: Stop by then, the learning rate falling by the clock; None sees all epochs.
     """
 
-    epochs: int = 8
+    epochs: int = 6
     batch: int = 128
     rate: float = 2e-3
     decay: float = 0.05

@@ -22,7 +22,7 @@ from cadpose.training.lite.sources import UNSEEN_PHOTOS, head_options, sources
 
 HEAD = "head.pt"
 #: Photos to learn from; each gives two crops of every object in it.
-PHOTOS = 1200 * SHARD
+PHOTOS = 506 * SHARD
 #: Unseen objects are cut out as a detector's box would, a little off.
 _UNSEEN = replace(NOTHING, jitter=0.03)
 
