@@ -8,6 +8,7 @@ import pytest
 from cadpose.errors import LibraryError
 from cadpose.geometry.angles import geodesic_degrees, rotation_from_angles
 from cadpose.geometry.symmetry_groups import SymmetryGroup
+from cadpose.rotation import embedded
 from cadpose.rotation.bins import BINS
 from cadpose.rotation.embedded import FEATURES, EmbeddedRotation, Proposals, fused
 from cadpose.rotation.grid import grid_angles, grid_rotations
@@ -95,3 +96,49 @@ def test_without_a_model_there_is_nothing_to_compare_with() -> None:
     estimator = EmbeddedRotation(compare=None, encoder=None)  # type: ignore[arg-type]
     with pytest.raises(LibraryError, match="add models"):
         estimator.propose(np.zeros((224, 224, 3), np.uint8), [])
+
+
+def one_proposal(inplane: float, likeness: float) -> Proposals:
+    features = np.zeros((1, len(FEATURES)))
+    features[0, FEATURES.index("likeness")] = likeness
+    return Proposals(rotation_from_angles(40, 10, inplane)[None], np.zeros(1), features)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "likeness", "told", "looks"),
+    [
+        (25.0, 2.0, 0.4, 27.0, 2),  # looked at again upright, which is more like a template
+        (25.0, 2.0, 0.2, 25.0, 2),  # which is less like one
+        (-25.0, -1.0, 0.4, -26.0, 2),
+        (5.0, 2.0, 0.4, 5.0, 1),  # upright enough
+        (90.0, 2.0, 0.4, 90.0, 1),  # fallen over: its rectangle would be another
+    ],
+)
+def test_what_lies_askew_is_looked_at_again(
+    monkeypatch: pytest.MonkeyPatch, first: float, second: float, likeness: float, told: float, looks: int
+) -> None:
+    answers = [one_proposal(first, 0.3), one_proposal(second, likeness)]
+    crops: list[np.ndarray] = []
+
+    def look(crop: np.ndarray, cads: object) -> Proposals:
+        crops.append(crop)
+        return answers[len(crops) - 1]
+
+    estimator = EmbeddedRotation(compare=None, encoder=None, network=object())  # type: ignore[arg-type]
+    monkeypatch.setattr(estimator, "_look", look)
+    crop = np.full((224, 224, 3), 255, np.uint8)
+    crop[100:124, 20:204] = 0
+    found = estimator.propose(crop, [None])  # type: ignore[list-item]
+    assert geodesic_degrees(best(found), rotation_from_angles(40, 10, told)) < 1e-4
+    assert len(crops) == looks
+    if looks == 2:
+        # Turned back by what was found: a bar that rises to the right comes to lie level.
+        ends = [np.flatnonzero(crops[1][:, x].min(axis=1) < 128).mean() for x in (40, 184)]
+        assert (ends[1] - ends[0]) * np.sign(first) == pytest.approx(144 * np.tan(np.radians(25)), abs=3)
+
+
+def test_a_turned_crop_keeps_its_scale() -> None:
+    rng = np.random.default_rng(0)
+    crop = rng.integers(0, 256, (224, 224, 3), dtype=np.uint8)
+    quarter = embedded._turned(crop, 90.0)
+    assert np.array_equal(quarter, np.rot90(crop))
