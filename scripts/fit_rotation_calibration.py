@@ -2,10 +2,10 @@
 
     python scripts/fit_rotation_calibration.py TRAINING_LIBRARY OUT.json --backgrounds DIR
 
-The photos show held-out models (`training/data/held-out.json`), which no weights have seen. Each is asked about
-twice: with the model shown among those that vote, as one who looks for the own CAD models has it, and without.
-No real photo takes part. The first hypothesis is the answer, right if it is within 30° of the truth modulo
-symmetry.
+The photos show held-out models (`training/data/held-out.json`), which no weights have seen. Each is asked
+about twice: with the model shown among those that vote, as who looks for one's own CAD models has it, and
+without. No real photo takes part. The first hypothesis is the answer, right if it is within 30° of the truth
+modulo symmetry.
 """
 
 from __future__ import annotations
@@ -85,7 +85,8 @@ def main() -> None:
         for among in (False, True):
             of = np.array([row[0] == (category or row[0]) and row[1] == among for row in rows])
             voted = "with its model" if among else "without"
-            print(f"{category or 'all'}, {voted}: {of.sum()} photos, {right[of].mean():.1%} within {WITHIN:.0f}°")
+            share = f"{right[of].mean():.1%} within {WITHIN:.0f}°"
+            print(f"{category or 'all'}, {voted}: {of.sum()} photos, {share}")
     print(f"without a flag: {kept.mean():.1%}, of these right: {right[kept].mean():.1%}")
     print(f"mean probability: {fitted.probability(X).mean():.1%}, right: {right.mean():.1%}")
 

@@ -27,3 +27,17 @@ def test_what_is_missing_is_told(small_library: Library) -> None:
         label_pool(small_library, "with-true", 3)(Label(Path("a.png"), "car", azimuth=0.0))
     with pytest.raises(LibraryError, match="no CAD model 'x'"):
         label_pool(small_library, "with-true", 3)(Label(Path("a.png"), "car", cad="x", azimuth=0.0))
+    chair = next(m.id for m in small_library.models() if m.category == "chair")
+    with pytest.raises(InputError, match="a car by its label"):
+        label_pool(small_library, "with-true", 3)(Label(Path("a.png"), "car", cad=chair, azimuth=0.0))
+
+
+def test_a_model_without_others(small_library: Library, tmp_path: Path) -> None:
+    chairs = [m for m in small_library.models() if m.category == "chair"]
+    label = Label(Path("a.png"), "chair", cad=chairs[0].id, azimuth=0.0)
+    pool = label_pool(small_library, "without-true", 3)
+    if len(chairs) == 1:
+        with pytest.raises(LibraryError, match="no chair beside"):
+            pool(label)
+    else:
+        assert pool(label) == tuple(m for m in small_library.representatives("chair", 4) if m != chairs[0])

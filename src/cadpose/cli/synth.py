@@ -67,6 +67,7 @@ def synth(
     """Draw synthetic photos of CAD models, with exact labels."""
     from cadpose.annotations.files import write_atomic
     from cadpose.annotations.style import jpeg_bytes
+    from cadpose.errors import LibraryError
     from cadpose.library.catalogue import Library
     from cadpose.training.held_out import read_held_out
     from cadpose.training.synth.options import SynthOptions
@@ -85,11 +86,16 @@ def synth(
         shadow=usual.shadow if shadows else 0.0,
         degrade=usual.degrade if flaws else 0.0,
     )
-    kept = read_held_out(lookalikes=False)
+    opened = Library.open(library)
+    kept = {i for ids in read_held_out(lookalikes=False).values() for i in ids} if held_out else None
+    if kept is not None and not any(m.id in kept for m in opened.models()):
+        raise LibraryError(
+            f"{opened.path} has none of the held-out models: add them with `cadpose library add sweethome3d`"
+        )
     recipe = Recipe.from_library(
-        Library.open(library),
-        category or (sorted(kept) if held_out else None),
-        only={i for ids in kept.values() for i in ids} if held_out else None,
+        opened,
+        category,
+        only=kept,
         backdrops=backgrounds,
         options=options,
         seed=seed,

@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 from cadpose.encoder import SIDE, Lite0
-from cadpose.errors import LibraryError
 from cadpose.geometry.boxes import Box
 from cadpose.photos import crop_square
 from cadpose.pipeline import Annotator
@@ -25,14 +24,14 @@ def bench_rotation(annotator: Annotator, photo: Photo, box: Box, repeats: int) -
     ``whole`` is one estimate with all of it and what joins them.
 
     Raises:
-        LibraryError: the library has no model to compare with.
+        ValueError: the annotator has another estimator.
     """
-    library = annotator.library
-    category = "car" if "car" in library.categories() else next(iter(library.categories()), None)
-    if category is None or not isinstance(annotator.rotation, EmbeddedRotation):
-        raise LibraryError(
-            "the rotation is timed with the embedded estimator and a library that is not empty"
+    if not isinstance(annotator.rotation, EmbeddedRotation):
+        raise ValueError(
+            f"the parts of the embedded estimator are timed, not those of {annotator.rotation.name}"
         )
+    library = annotator.library
+    category = "car" if "car" in library.categories() else library.models()[0].category
     cads = library.representatives(category, annotator.candidate_count)
     compare, encoder = annotator.rotation.compare, Lite0(threads=1)
     network = RotationNetwork(threads=1)

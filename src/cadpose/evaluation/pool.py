@@ -35,6 +35,10 @@ def label_pool(
         if label.cad is None:
             raise InputError(f"{label.photo}: the label names no CAD model, use --pool usual")
         true = library.get(label.cad)
+        if true.category != label.category:
+            raise InputError(
+                f"{label.photo}: a {label.category} by its label, but {true.id} is a {true.category}"
+            )
         others = [m for m in library.representatives(label.category, candidates + 1) if m.id != true.id]
         if kind == "with-true":
             return (true, *others[: candidates - 1])
