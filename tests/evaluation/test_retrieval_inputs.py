@@ -142,7 +142,8 @@ def test_the_order_shown_depends_on_photo_and_seed_alone(small_library: Library)
     assert shown == [c.id for c in shuffled(cads[::-1], label(name="x.png"), 0)]
     orders = {tuple(c.id for c in shuffled(cads, label(name=f"{i}.png"), 0)) for i in range(20)}
     assert len(orders) > 10
-    assert shown != [c.id for c in shuffled(cads, label(name="x.png"), 1)] or shown != sorted(shown)
+    by_seed = {tuple(c.id for c in shuffled(cads, label(name="x.png"), seed)) for seed in range(20)}
+    assert len(by_seed) > 10
 
 
 # -- boxes ----------------------------------------------------------------------------------------
@@ -224,5 +225,15 @@ def test_rotations_of_a_file(tmp_path: Path) -> None:
     for name in ("b.png", "c.png", "d.png"):
         with pytest.raises(InputError, match=rf"{name}: turns\.json has no rotation for it"):
             at(name)
+    # Another object of the photo, though the file names no other.
+    one = rotations_of_file(write(tmp_path, [told[1]], "one.json"))
+    assert one(Label(tmp_path / "b.png", "car", Box(0, 0, 9, 9)), PHOTO, BOX, ()).azimuth == 20
+    for other in (
+        Label(tmp_path / "b.png", "car", Box(20, 0, 29, 9)),
+        Label(tmp_path / "b.png", "car"),
+        Label(tmp_path / "b.png", "chair", Box(0, 0, 9, 9)),
+    ):
+        with pytest.raises(InputError, match=r"b\.png: one\.json has no rotation for it"):
+            one(other, PHOTO, BOX, ())
     with pytest.raises(InputError, match=r"none\.json: cannot be read"):
         rotations_of_file(tmp_path / "none.json")

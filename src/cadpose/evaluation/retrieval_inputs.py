@@ -182,8 +182,9 @@ def predicted_rotation(annotator: Annotator, reject_flagged: bool = False) -> Ro
 
 
 def rotations_of_file(path: Path) -> Rotations:
-    """Rotations that a label file names, found by photo and, where it names a photo more than once, by box.
+    """Rotations that a label file names, found by photo, category and box.
 
+    An entry without a box is taken for a label with one if it is the only one of its photo and category.
     The function raises InputError where the file has no rotation for a label's photo.
 
     Raises:
@@ -194,8 +195,8 @@ def rotations_of_file(path: Path) -> Rotations:
         told.setdefault(entry.photo.resolve(), []).append(entry)
 
     def of(label: Label, photo: Photo, box: Box, cads: Sequence[CadModel]) -> Rotation:
-        entries = told.get(label.photo.resolve(), [])
-        if len(entries) > 1:
+        entries = [e for e in told.get(label.photo.resolve(), []) if e.category == label.category]
+        if len(entries) != 1 or entries[0].box is not None:
             entries = [entry for entry in entries if _same(entry.box, label.box)]
         if not entries or (rotation := entries[0].rotation) is None:
             raise InputError(f"{label.photo}: {path.name} has no rotation for it")
