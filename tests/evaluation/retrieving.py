@@ -61,5 +61,10 @@ def rejected(
     reason: str = "nothing found",
     category: str = "car",
     names: Sequence[str] = ("one",),
+    *,
+    measured: bool | None = None,
 ) -> Outcome:
-    return Outcome(label("a", category), dict.fromkeys(names, Rejection(stage, reason)))
+    """By its stage a measured outcome or a failure, unless told."""
+    if measured is None:
+        measured = stage in ("detection", "review")
+    return Outcome(label("a", category), dict.fromkeys(names, Rejection(stage, reason, measured)))

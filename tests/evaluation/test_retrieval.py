@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cadpose.datasets.labels import Label
-from cadpose.errors import DependencyError, InputError
+from cadpose.errors import CadposeError, DependencyError, InputError
 from cadpose.evaluation.contest import Contest, Ranking
 from cadpose.evaluation.retrieval import Outcome, Rejection, RetrievalRun, evaluate_retrieval, failures
 from cadpose.evaluation.retrieval_inputs import (
@@ -161,6 +161,15 @@ def test_missing_weights_and_bugs_are_not_a_photos_failure(annotator: Annotator,
 def test_measured_rejections_are_no_failures() -> None:
     outcomes = [rejected("detection"), rejected("review"), rejected("pose", "no rotation"), outcome(1)]
     assert failures(outcomes) == [(str(Path("photos") / "a.png"), "no rotation")]
+
+
+def test_a_detector_that_fails_is_a_failure(annotator: Annotator, one: Label) -> None:
+    contest = Contest({"fake": FakeSimilarity()})
+    broken = run_of(annotator, contest, boxes=raising(CadposeError("the network is broken"))).outcome(one)
+    missed = run_of(annotator, contest, boxes=raising(RejectedError("nothing there"))).outcome(one)
+    assert broken.answers["fake"] == Rejection("detection", "the network is broken", measured=False)
+    assert missed.answers["fake"] == Rejection("detection", "nothing there", measured=True)
+    assert failures([missed, broken]) == [(str(one.photo), "the network is broken")]
 
 
 def test_known_outcomes_are_not_made_again() -> None:

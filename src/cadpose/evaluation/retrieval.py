@@ -22,8 +22,6 @@ from cadpose.pipeline import Annotator
 from cadpose.records import Rotation
 
 Stage = Literal["photo", "detection", "gallery", "pose", "review", "ranking"]
-#: Stages that reject a photo as an outcome that is measured; at the others something could not be used.
-MEASURED: tuple[Stage, ...] = ("detection", "review")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +31,12 @@ class Rejection:
     Attributes:
         stage: Where on its way: ``review`` is a rotation that was estimated and flagged.
         reason: Without the photo's name, so that like reasons can be counted.
+        measured: Whether it is an outcome that is measured; else something could not be used.
     """
 
     stage: Stage
     reason: str
+    measured: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,7 @@ def failures(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
     found: dict[tuple[str, str], None] = {}
     for outcome in outcomes:
         for answer in outcome.answers.values():
-            if isinstance(answer, Rejection) and answer.stage not in MEASURED:
+            if isinstance(answer, Rejection) and not answer.measured:
                 found[str(outcome.label.photo), answer.reason] = None
     return list(found)
 
@@ -181,7 +181,8 @@ def _at(stage: Stage, label: Label) -> Iterator[None]:
     except DependencyError:
         raise
     except RejectedError as error:
-        raise _StopError(Rejection("review" if stage == "pose" else stage, str(error))) from error
+        at: Stage = "review" if stage == "pose" else stage
+        raise _StopError(Rejection(at, str(error), measured=True)) from error
     except CadposeError as error:
         reason = str(error)
         for name in (f"{label.photo}: ", f"{label.photo} "):

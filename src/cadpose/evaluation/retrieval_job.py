@@ -134,7 +134,7 @@ def run_job(
         job.seed,
     )
     store = None if out is None else OutcomeStore(out, _settings(job, annotator, contest), resume)
-    known = {} if store is None else store.read(labels, library)
+    known = {} if store is None else store.read(labels, library, contest.names)
     progress.total(len(labels))
 
     def told(number: int, outcome: Outcome) -> None:

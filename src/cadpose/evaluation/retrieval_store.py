@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast, get_args
 
 from cadpose.annotations.parts import plain_text
-from cadpose.datasets.files import json_lines, read_json
+from cadpose.datasets.files import MAX_JSONL_BYTES, json_lines, read_bytes, read_json
 from cadpose.datasets.labels import Label
 from cadpose.errors import InputError
 from cadpose.evaluation.contest import Ranking
@@ -57,25 +57,35 @@ class OutcomeStore:
             raise InputError(f"{folder} has outcomes and no {SETTINGS}: name another folder")
         write_atomic(path, (json.dumps(told, indent=1) + "\n").encode())
 
-    def read(self, labels: Sequence[Label], library: Library) -> dict[int, Outcome]:
+    def read(self, labels: Sequence[Label], library: Library, names: Collection[str]) -> dict[int, Outcome]:
         """Outcomes of an earlier run by the label's number; a line cut short counts as not there.
 
+        Args:
+            labels: What is evaluated.
+            library: Where the models are.
+            names: Everything that ranks.
+
         Raises:
-            InputError: a line is not of these labels.
+            InputError: a line is not of these labels or names, or the file is too large.
             LibraryError: the library lacks a model.
         """
         path = self.folder / OUTCOMES
         if not path.is_file():
             return {}
         # What a killed run was writing has no end of line; the next line must not be glued to it.
-        data = path.read_bytes()
+        data = read_bytes(path, MAX_JSONL_BYTES)
         if not data.endswith(b"\n"):
             write_atomic(path, data[: data.rfind(b"\n") + 1])
         known = {}
         for line, entry in json_lines(path):
             try:
                 number = entry["number"]
+                # A bool is an int too, and -1 would be the last label.
+                if type(number) is not int or not 0 <= number < len(labels):
+                    raise ValueError(f"there is no photo number {number!r}")
                 known[number] = outcome_from_json(entry, labels[number], library)
+                if set(known[number].answers) != set(names):
+                    raise ValueError(f"it has answers of {', '.join(known[number].answers) or 'nobody'}")
             except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
                 raise InputError(
                     f"{path}: line {line} is no outcome of these photos ({error}), name another folder"
@@ -95,8 +105,8 @@ class OutcomeStore:
 
 def outcome_to_json(outcome: Outcome) -> dict[str, Any]:
     """``photo``, ``category``, ``cad``, ``box``, ``candidates``, ``rotation``, ``rotation_error`` (degrees),
-    and by name under ``answers`` either ``rejected`` and ``reason`` or ``place`` (of the true model),
-    ``probability``, ``needs_review`` and ``ranking``: id, score, azimuth, elevation, in-plane rotation.
+    and by name under ``answers`` either ``rejected``, ``reason`` and ``measured`` or ``place`` (of the true
+    model), ``probability``, ``needs_review`` and ``ranking``: id, score, azimuth, elevation, in-plane rotation.
     """
     label, rotation = outcome.label, outcome.rotation
     return {
@@ -134,7 +144,7 @@ def outcome_from_json(entry: Mapping[str, Any], label: Label, library: Library) 
 def _answer_to_json(outcome: Outcome, name: str) -> dict[str, Any]:
     answer = outcome.answers[name]
     if isinstance(answer, Rejection):
-        return {"rejected": answer.stage, "reason": plain_text(answer.reason)}
+        return {"rejected": answer.stage, "reason": plain_text(answer.reason), "measured": answer.measured}
     return {
         "place": outcome.place(name),
         "probability": answer.probability,
@@ -147,7 +157,9 @@ def _answer_from_json(name: str, entry: Mapping[str, Any], library: Library) -> 
     if "rejected" in entry:
         if entry["rejected"] not in get_args(Stage):
             raise ValueError(f"there is no stage {entry['rejected']!r}")
-        return Rejection(cast(Stage, entry["rejected"]), entry["reason"])
+        if not isinstance(entry["measured"], bool):
+            raise ValueError(f"measured is {entry['measured']!r}")
+        return Rejection(cast(Stage, entry["rejected"]), entry["reason"], entry["measured"])
     return Ranking(
         tuple(
             Candidate(library.get(cad), score, Rotation(*angles), {name: score})
