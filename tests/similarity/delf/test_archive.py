@@ -23,6 +23,15 @@ def packed(path: Path, members: list[tuple[str, bytes]]) -> Path:
     return path
 
 
+def sparse(path: Path, headers: dict[str, str], name: str = "model/graph") -> Path:
+    """An archive of one member that PAX headers call sparse."""
+    with tarfile.open(path, "w:gz", format=tarfile.PAX_FORMAT) as made:
+        member = tarfile.TarInfo(name)
+        member.pax_headers = headers
+        made.addfile(member)
+    return path
+
+
 def test_chosen_files_of_an_archive_and_of_its_folder(tmp_path: Path) -> None:
     members = [
         ("delf/model/graph", b"a" * 3000),
@@ -75,6 +84,35 @@ def test_sizes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     (tmp_path / "more").write_bytes(b"")
     with pytest.raises(InputError, match="more than 1 files"):
         read_files(tmp_path, PATTERN, 2**30)
+
+
+def test_all_files_together_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "model").mkdir()
+    for i in range(3):
+        (tmp_path / "model" / f"part_{i}").write_bytes(bytes(2**20))
+    (tmp_path / "other").write_bytes(bytes(2**22))
+    monkeypatch.setattr(archive, "MAX_UNPACKED", 3 * 2**20)
+    assert len(read_files(tmp_path, PATTERN, 2**20)) == 3
+    monkeypatch.setattr(archive, "MAX_UNPACKED", 2 * 2**20)
+    with pytest.raises(InputError, match="unpacks to more than 2 MiB"):
+        read_files(tmp_path, PATTERN, 2**20)
+
+
+def test_sparse_files_are_refused(tmp_path: Path) -> None:
+    """A few bytes that stand for 200 MiB of holes."""
+    headers = {"GNU.sparse.map": "0,0", "GNU.sparse.size": str(200 * 2**20)}
+    made = sparse(tmp_path / "delf.tar.gz", headers)
+    assert made.stat().st_size < 400
+    with pytest.raises(InputError, match="model/graph is a sparse file"):
+        read_files(made, PATTERN, 2**30)
+    # Those that nobody asks for are no matter.
+    assert read_files(sparse(tmp_path / "other.tar.gz", headers, "other"), PATTERN, 2**30) == {}
+
+
+def test_a_malformed_header_is_told_of_in_a_sentence(tmp_path: Path) -> None:
+    made = sparse(tmp_path / "delf.tar.gz", {"GNU.sparse.map": "0,x"})
+    with pytest.raises(InputError, match=r"delf\.tar\.gz: is no \.tar\.gz archive, or damaged"):
+        read_files(made, PATTERN, 2**30)
 
 
 def test_a_count_of_members_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

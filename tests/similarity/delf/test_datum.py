@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
+from cadpose.similarity.delf import datum as reader
 from cadpose.similarity.delf.datum import read_datum
 from tests.similarity.delf.made import datum, number, part, varint
 
@@ -43,13 +44,32 @@ def test_the_bytes_of_the_format() -> None:
         (part(1, part(1, varint(2))) + part(2, part(1, bytes(7))), "cut off"),
         (part(3, part(1, bytes(8))), "field 3"),
         (datum(np.array([np.inf], np.float32)), "not numbers"),
-        (part(1, part(1, varint(1) * 9)) + part(2, part(1, bytes(4))), "1 numbers for"),
+        (part(1, part(1, varint(1) * 9)) + part(2, part(1, bytes(4))), "more than 8 dimensions"),
         (b"\xff" * 20, "cut off or too long"),
     ],
 )
 def test_damaged_files_are_refused(data: bytes, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         read_datum(data)
+
+
+def test_sizes_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    stored = datum(np.ones(8, np.float32).reshape((1,) * 7 + (8,)))
+    assert read_datum(stored).ndim == 8
+    monkeypatch.setattr(reader, "MAX_BYTES", len(stored) - 1)
+    with pytest.raises(ValueError, match="more than 0 MiB"):
+        read_datum(stored)
+
+
+def test_numbers_one_by_one_are_not_an_array_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twenty seconds for 2 MB it took."""
+    loose = (bytes([1 << 3 | 5]) + struct.pack("<f", 0.5)) * 1000
+    made: list[int] = []
+    real = np.frombuffer
+    monkeypatch.setattr(np, "frombuffer", lambda *args: made.append(1) or real(*args))  # type: ignore[func-returns-value]
+    read = read_datum(part(1, number(1, 1000)) + part(2, loose))
+    np.testing.assert_array_equal(read, np.full(1000, 0.5, np.float32))
+    assert len(made) == 1
 
 
 @given(st.binary(max_size=100))

@@ -28,13 +28,15 @@ def read_files(path: Path, pattern: str, most_bytes: int) -> dict[str, bytes]:
     Args:
         path: A .tar.gz archive or a folder.
         pattern: Regular expression that the ending must match from some path separator on.
-        most_bytes: Largest size of one file.
+        most_bytes: Largest size of one file; all together may have ``MAX_UNPACKED``.
 
     Raises:
-        InputError: it cannot be read, is damaged, has too much in it, or has two files of one ending.
+        InputError: it cannot be read, is damaged, has too much in it, a sparse file of such an ending, or two
+            files of one ending.
     """
     ending = re.compile(rf"(?:.*/)?({pattern})")
     found: dict[str, bytes] = {}
+    left = MAX_UNPACKED
     try:
         for name, size, stream in _folder(path) if path.is_dir() else _archive(path):
             match = ending.fullmatch(name)
@@ -42,12 +44,18 @@ def read_files(path: Path, pattern: str, most_bytes: int) -> dict[str, bytes]:
                 continue
             if size > most_bytes:
                 raise InputError(f"{path}: {match[1]} has more than {most_bytes >> 20} MiB")
+            left -= size
+            if left < 0:
+                raise InputError(f"{path}: unpacks to more than {MAX_UNPACKED >> 20} MiB")
+            if stream is None:
+                raise InputError(f"{path}: {match[1]} is a sparse file, pack the archive without --sparse")
             if match[1] in found:
                 raise InputError(f"{path}: holds {match[1]} twice")
             found[match[1]] = stream.read(most_bytes)
             if len(found[match[1]]) != size:
                 raise InputError(f"{path}: ends within {match[1]}, fetch it again")
-    except (tarfile.TarError, EOFError, zlib.error, gzip.BadGzipFile) as error:
+    # tarfile lets a ValueError through where a number of a PAX header is none.
+    except (tarfile.TarError, EOFError, zlib.error, gzip.BadGzipFile, ValueError) as error:
         raise InputError(f"{path}: is no .tar.gz archive, or damaged ({error}); fetch it again") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
@@ -65,7 +73,8 @@ def _folder(path: Path) -> Iterator[tuple[str, int, IO[bytes]]]:
                 yield file.relative_to(path).as_posix(), file.stat().st_size, stream
 
 
-def _archive(path: Path) -> Iterator[tuple[str, int, IO[bytes]]]:
+def _archive(path: Path) -> Iterator[tuple[str, int, IO[bytes] | None]]:
+    """Name, size and content; None for a sparse file, whose size is not that of what is packed."""
     if path.stat().st_size > MAX_PACKED:
         raise InputError(f"{path}: larger than {MAX_PACKED >> 20} MiB, which no such archive is")
     # A stream, which never seeks: all that is unpacked is counted.
@@ -76,8 +85,9 @@ def _archive(path: Path) -> Iterator[tuple[str, int, IO[bytes]]]:
         for count, member in enumerate(archive):
             if count >= MAX_MEMBERS:
                 raise InputError(f"{path}: holds more than {MAX_MEMBERS} files")
-            stream = archive.extractfile(member) if member.isreg() else None
-            if stream is not None:
+            if member.issparse():
+                yield member.name, member.size, None
+            elif member.isreg() and (stream := archive.extractfile(member)) is not None:
                 yield member.name, member.size, stream
 
 
