@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from cadpose.errors import DependencyError
 from cadpose.similarity.delf.features import resized
 from cadpose.similarity.delf.parameters import Parameters
 from tests.similarity.delf.made import image
@@ -37,6 +38,14 @@ def test_a_map_has_a_cell_for_every_32_pixels_begun(made: Parameters, height: in
     features, attention = Network(made)(np.zeros((height, width, 3), np.float32))
     assert features.shape == (-(-height // 32), -(-width // 32), 1024)
     assert attention.shape == features.shape[:2]
+
+
+def test_a_device_that_is_not_there_is_told_of(made: Parameters, monkeypatch: pytest.MonkeyPatch) -> None:
+    from cadpose.similarity.delf.network import Network
+
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(DependencyError, match="DELF on cuda needs a GPU"):
+        Network(made, "cuda")
 
 
 def test_scores_are_softplus(made: Parameters) -> None:

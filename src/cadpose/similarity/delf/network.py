@@ -31,16 +31,9 @@ class Network:
     """
 
     def __init__(self, parameters: Parameters, device: str = "cpu") -> None:
-        try:
-            import torch
-        except ImportError:
-            raise DependencyError(
-                "DELF needs PyTorch: install it with `pip install 'cadpose[delf]'`"
-            ) from None
-        if device == "cuda" and not torch.cuda.is_available():
-            raise DependencyError(
-                "DELF on cuda needs a GPU and a build of torch for CUDA; neither is seen here"
-            )
+        require_torch(device)
+        import torch
+
         self.device = device
         self._layers = {
             scope: (torch.from_numpy(c.weight).to(device), torch.from_numpy(c.bias).to(device))
