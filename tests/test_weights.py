@@ -182,11 +182,16 @@ def test_unpublished_weights_must_not_change(cache: Path, caplog: pytest.LogCapt
     with pytest.raises(DependencyError, match=r"changed since its first use .* https://example\.org"):
         placed(entry)
     record.write_bytes(b"\xff")
-    with pytest.raises(DependencyError, match="changed since"):
+    with pytest.raises(DependencyError, match=r"net\.pth\.sha256 cannot be read"):
+        placed(entry)
+    record.write_text("")
+    with pytest.raises(DependencyError, match=r"net\.pth\.sha256 cannot be read"):
         placed(entry)
     record.unlink()
     assert placed(entry) == cache / "net.pth"
     assert sorted(p.name for p in cache.iterdir()) == ["net.pth", "net.pth.sha256"]
+    # Others who share the cache can read it.
+    assert record.stat().st_mode & 0o777 == 0o644
 
 
 def test_a_published_md5_is_checked(cache: Path) -> None:

@@ -244,7 +244,10 @@ def placed(weights: Unpublished) -> Path:
     try:
         known = record.read_text(encoding="ascii").split()[0] if record.is_file() else ""
     except (OSError, ValueError, IndexError):
-        known = "unreadable"
+        raise DependencyError(
+            f"{record} cannot be read, or is not as cadpose writes it: delete it if {path} is the file you "
+            "put there"
+        ) from None
     if not known:
         log.warning("%s is used for the first time; its SHA-256 %s is kept in %s", path, digest, record)
         _record(record, f"{digest}  {path.name}\n")
@@ -295,6 +298,7 @@ def _record(path: Path, text: str) -> None:
         with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=".part-", delete=False) as file:
             beside = Path(file.name)
             file.write(text)
+        beside.chmod(0o644)
         beside.replace(path)
     except OSError as error:
         log.warning(
@@ -330,6 +334,7 @@ def _download(weights: Weights, target: Path) -> None:
                 f"what {weights.url} sent is not the file {weights.name} (SHA-256 or length differs): "
                 f"try again later, or {by_hand}."
             )
+        beside.chmod(0o644)
         beside.replace(target)
     except (OSError, http.client.HTTPException, ValueError) as error:
         is_answer = isinstance(error, urllib.error.HTTPError)
