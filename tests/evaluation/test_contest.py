@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -86,37 +87,89 @@ def test_measures_score_what_the_annotator_scores(small_library: Library) -> Non
         annotator = fake_annotator(small_library, similarity=name)
         contest = make_contest(annotator, [name])
         (found,) = contest.at_rotation(annotator, shot.photo, shot.box, cads, TRUE).values()
-        expected = annotator.rank(shot.photo, shot.box, cads, [TRUE])
+        mask = annotator.masks.mask(shot.photo, shot.box)
+        expected = annotator.rank(shot.photo, shot.box, cads, [TRUE], mask)
         assert [c.cad.id for c in found.candidates] == [c.cad.id for c in expected]
         assert [c.score for c in found.candidates] == pytest.approx([c.score for c in expected])
         assert found.place("made/car/hatch.obj") == 1 and found.candidates[0].rotation == TRUE
 
 
-def test_shared_matches_change_no_score(small_library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+class Watching(FakeSimilarity):
+    """Keeps the masks that it is shown."""
+
+    def __init__(self) -> None:
+        self.masks: list[Mask | None] = []
+
+    def score(self, crop: NDArray[np.uint8], mask: Mask | None, views: Views, **more: Any) -> Any:
+        self.masks.append(mask)
+        return super().score(crop, mask, views)
+
+
+def test_measures_are_shown_the_mask_in_the_crop(small_library: Library) -> None:
+    """As the pipeline shows it, found at the box where none is given."""
+    shot = shoot(small_library, "made/car/hatch.obj", TRUE)
+    cads = small_library.models("car")
+    measure = Watching()
+    annotator = fake_annotator(small_library, similarity=measure)
+    given = np.zeros(shot.photo.rgb.shape[:2], np.bool_)
+    given[:, : given.shape[1] // 2] = True
+    for mask in (None, given):
+        Contest({"watching": measure}).at_rotation(annotator, shot.photo, shot.box, cads, TRUE, mask)
+        told = annotator.masks.mask(shot.photo, shot.box) if mask is None else mask
+        annotator.rank(shot.photo, shot.box, cads, [TRUE], told)
+    seen = [mask for mask in measure.masks if mask is not None]
+    assert len(seen) == 4 and not np.array_equal(seen[0], seen[2])
+    np.testing.assert_array_equal(seen[0], seen[1])
+    np.testing.assert_array_equal(seen[2], seen[3])
+
+
+def test_no_mask_is_sought_for_measures_that_ignore_it(small_library: Library) -> None:
+    class Never:
+        name = "never"
+
+        def mask(self, photo: Photo, box: Box) -> Mask:
+            raise AssertionError("sought")
+
+    shot = shoot(small_library, "made/car/hatch.obj", TRUE)
+    annotator = fake_annotator(small_library, masks=Never())
+    contest = make_contest(annotator, ["aligned", "fused"])
+    assert not contest.uses_masks and make_contest(annotator, ["aligned", "sm2"]).uses_masks
+    assert contest.at_rotation(annotator, shot.photo, shot.box, small_library.models("car"), TRUE)
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_shared_matches_change_no_score(
+    masked: bool, small_library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
     shot = shoot(small_library, "made/car/hatch.obj", TRUE)
     annotator = fake_annotator(small_library)
     views = Views.joined(
         [annotator.render_framed(cad, TRUE.to_matrix()[None]) for cad in small_library.models("car")]
     )
     crop = np.array(shot.photo.rgb[:224, :224])
+    mask = None
+    if masked:
+        mask = np.zeros((224, 224), np.bool_)
+        mask[30:150, 20:200] = True
     backends = Backends("cpu", 0, None, annotator.render_framed)
     some = {n: backends.similarity(n) for n in ("aligned", "fused", "sm1", "sm2", "sift-sm2", "sift-sm3")}
-    alone = {name: measure.score(crop, None, views, aspect=1.3) for name, measure in some.items()}
-    calls: list[str] = []
+    alone = {name: measure.score(crop, mask, views, aspect=1.3) for name, measure in some.items()}
+    calls: list[tuple[str, bool]] = []
     real = LocalAffine.compare
 
     def counted(
         self: LocalAffine, crop: NDArray[np.uint8], mask: Mask | None, views: Views
     ) -> AffineComparison:
-        calls.append(self.features.name)
+        calls.append((self.features.name, mask is None))
         return real(self, crop, mask, views)
 
     monkeypatch.setattr(LocalAffine, "compare", counted)
-    together = scores_together(some, crop, views, 1.3)
+    together = scores_together(some, crop, mask, views, 1.3)
     assert set(together) == set(alone)
     for name, scores in together.items():
         np.testing.assert_array_equal(scores, alone[name], err_msg=name)
-    assert len(calls) == len(set(calls)) == 2
+    # The fused measure matches without a mask whatever the others do.
+    assert len(calls) == len(set(calls)) == (3 if masked else 2)
 
 
 def test_names(small_library: Library, monkeypatch: pytest.MonkeyPatch) -> None:

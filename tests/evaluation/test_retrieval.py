@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from cadpose.geometry.boxes import Box
 from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.library.catalogue import Library
 from cadpose.pipeline import Annotator
-from cadpose.records import CadModel, Candidate, Photo, Rotation
+from cadpose.records import CadModel, Candidate, Mask, Photo, Rotation
 from tests.batch.fakes import FakeSimilarity, fake_annotator
 from tests.evaluation.retrieving import label, outcome, rejected
 from tests.small_library import save
@@ -161,6 +162,26 @@ def test_missing_weights_and_bugs_are_not_a_photos_failure(annotator: Annotator,
 def test_measured_rejections_are_no_failures() -> None:
     outcomes = [rejected("detection"), rejected("review"), rejected("pose", "no rotation"), outcome(1)]
     assert failures(outcomes) == [(str(Path("photos") / "a.png"), "no rotation")]
+
+
+def test_a_labelled_mask_goes_with_the_labelled_box(annotator: Annotator, one: Label) -> None:
+    seen: list[Mask] = []
+
+    class Watching(FakeSimilarity):
+        def score(self, crop: Any, mask: Any, views: Any, **more: Any) -> Any:
+            seen.append(mask)
+            return super().score(crop, mask, views)
+
+    white = np.zeros((60, 80, 3), np.uint8)
+    white[30:, :] = 255
+    masked = replace(one, mask=save(one.photo.with_name("mask.png"), white))
+    contest = Contest({"watching": Watching()})
+    run_of(annotator, contest).outcome(masked)
+    run_of(annotator, contest).outcome(one)
+    run_of(annotator, contest, boxes=lambda *_: Box(11, 10, 60, 50)).outcome(masked)
+    # Half of the box, and twice what is found there: all of it.
+    assert [bool(mask[60].any()) for mask in seen] == [False, True, True]
+    assert all(mask[150].any() for mask in seen)
 
 
 def test_a_detector_that_fails_is_a_failure(annotator: Annotator, one: Label) -> None:

@@ -16,8 +16,9 @@ from cadpose.geometry.boxes import Box
 from cadpose.geometry.frames import FloatArray
 from cadpose.photos import crop_square
 from cadpose.pipeline import SIDE, Annotator
-from cadpose.records import CadModel, Candidate, Photo, Rotation, Views
+from cadpose.records import CadModel, Candidate, Mask, Photo, Rotation, Views
 from cadpose.similarity import SimilarityMeasure
+from cadpose.similarity.aligned import AlignedCosine
 from cadpose.similarity.fused import Fused
 from cadpose.similarity.local_affine import AffineComparison, LocalAffine
 from cadpose.similarity.local_features import BACKGROUND
@@ -85,7 +86,8 @@ class Ranker(Protocol):
         ...
 
 
-#: Rankers by name, beside the measures of `cadpose.similarity.registry`; made for one annotator.
+#: Rankers by name, beside the measures of `cadpose.similarity.registry`; made for one annotator. Whoever runs
+#: an evaluation from Python adds their own.
 RANKERS: dict[str, Callable[[Annotator], Ranker]] = {}
 
 
@@ -113,18 +115,40 @@ class Contest:
         """Everything that ranks, measures first."""
         return (*self.measures, *self.rankers)
 
+    @property
+    def uses_masks(self) -> bool:
+        """Whether a measure looks at the object's mask; to the quick ones it makes no difference."""
+        return any(type(measure) not in (AlignedCosine, Fused) for measure in self.measures.values())
+
     def at_rotation(
-        self, annotator: Annotator, photo: Photo, box: Box, cads: Sequence[CadModel], rotation: Rotation
+        self,
+        annotator: Annotator,
+        photo: Photo,
+        box: Box,
+        cads: Sequence[CadModel],
+        rotation: Rotation,
+        mask: Mask | None = None,
     ) -> dict[str, Ranking]:
-        """What each measure makes of the models drawn at a rotation, as `Annotator.rank` would.
+        """What each measure makes of the models drawn at a rotation, as the pipeline would.
+
+        Args:
+            annotator: Draws, and finds the mask where a measure uses one and none is given.
+            photo: The photo.
+            box: The object's box, inside the photo.
+            cads: The models.
+            rotation: How all are turned.
+            mask: (H, W) bool mask of the object, None where it is not known.
 
         Raises:
-            CadposeError: a model cannot be drawn.
+            CadposeError: a model cannot be drawn, or no mask be found.
         """
+        if mask is None and self.uses_masks:
+            mask = annotator.masks.mask(photo, box)
         R = rotation.to_matrix()[None]
         views = Views.joined([annotator.render_framed(cad, R) for cad in cads])
         crop = crop_square(photo.rgb, box, SIDE, fill=BACKGROUND)
-        scores = scores_together(self.measures, crop, views, box.width / box.height)
+        crop_mask = None if mask is None else crop_square(mask, box, SIDE)
+        scores = scores_together(self.measures, crop, crop_mask, views, box.width / box.height)
         return {
             name: Ranking(
                 tuple(
@@ -184,31 +208,39 @@ def known_names() -> tuple[str, ...]:
 
 
 def scores_together(
-    measures: Mapping[str, SimilarityMeasure], crop: NDArray[np.uint8], views: Views, aspect: float
+    measures: Mapping[str, SimilarityMeasure],
+    crop: NDArray[np.uint8],
+    mask: Mask | None,
+    views: Views,
+    aspect: float,
 ) -> dict[str, FloatArray]:
     """(N,) scores of N renders by each measure; those that rest on the same matches share them.
 
     Args:
         measures: By name.
         crop: (S, S, 3) uint8 letterboxed crop.
+        mask: (S, S) bool mask of the object in the crop, or None.
         views: N renders.
         aspect: Width / height of the box.
     """
     shared: dict[tuple[object, ...], AffineComparison] = {}
 
-    def matches(local: LocalAffine) -> AffineComparison:
-        key = (local.features.name, local.residual_px, local.trials, local.seed, local.matcher)
+    def matches(local: LocalAffine, mask: Mask | None) -> AffineComparison:
+        own = (local.features.name, local.residual_px, local.trials, local.seed, local.matcher)
+        key = (*own, mask is None)
         if key not in shared:
-            shared[key] = local.compare(crop, None, views)
+            shared[key] = local.compare(crop, mask, views)
         return shared[key]
 
     scores: dict[str, FloatArray] = {}
     for name, measure in measures.items():
         if type(measure) is LocalAffine:
-            scores[name] = matches(measure).scores[measure.measure]
+            scores[name] = matches(measure, mask).scores[measure.measure]
         elif type(measure) is Fused:
-            aligned = measure.aligned.score(crop, None, views, aspect=aspect)
-            scores[name] = measure.combine(aligned, matches(measure.local).scores["sm2"])
+            aligned = measure.aligned.score(crop, mask, views, aspect=aspect)
+            scores[name] = measure.combine(
+                aligned, matches(measure.local, None).scores["sm2"]
+            )  # without, as it does alone
         else:
-            scores[name] = measure.score(crop, None, views, aspect=aspect)
+            scores[name] = measure.score(crop, mask, views, aspect=aspect)
     return scores

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
-from cadpose.datasets.labels import Label, object_in_photo
+from cadpose.datasets.labels import Label, mask_in_photo, object_in_photo
 from cadpose.errors import CadposeError, DependencyError
 from cadpose.evaluation.contest import Contest, Ranking
 from cadpose.evaluation.retrieval_inputs import Boxes, Candidates, RejectedError, Rotations, shuffled
@@ -111,7 +111,12 @@ class RetrievalRun:
                 with _at("pose", label):
                     rotation = self.rotations(label, photo, box, cads)
                 with _at("ranking", label):
-                    answers.update(self.contest.at_rotation(self.annotator, photo, box, shown, rotation))
+                    # A labelled mask would tell of an object that the detector had to find.
+                    own = self.contest.uses_masks and box == labelled
+                    mask = mask_in_photo(label, photo) if own else None
+                    answers.update(
+                        self.contest.at_rotation(self.annotator, photo, box, shown, rotation, mask)
+                    )
             except _StopError as stop:
                 answers.update(dict.fromkeys(self.contest.measures, stop.rejection))
         for name, ranker in self.contest.rankers.items():

@@ -31,6 +31,7 @@ from cadpose.evaluation.retrieval_tables import RetrievalTables
 from cadpose.evaluation.symmetry import label_symmetry
 from cadpose.library.storage import sha256_of, write_atomic
 from cadpose.pipeline import Annotator
+from cadpose.similarity import triplet
 
 BoxesFrom = Literal["true", "detected"]
 #: Files of the tables in the output folder, beside the store's own.
@@ -205,6 +206,12 @@ def _settings(job: RetrievalJob, annotator: Annotator, contest: Contest) -> dict
         return None if path is None else sha256_of(read_bytes(path, MAX_JSONL_BYTES))
 
     of_file = job.rotation not in ("true", "predicted")
+    # Everything else that measures or estimates comes with cadpose, or is named by what it is.
+    networks = {
+        name: sha256_of(read_bytes(measure.path, triplet.MAX_BYTES))
+        for name, measure in contest.measures.items()
+        if isinstance(measure, triplet.TripletMeasure)
+    }
     return {
         "cadpose": cadpose.__version__,
         "dataset": digest(job.dataset),
@@ -223,4 +230,6 @@ def _settings(job: RetrievalJob, annotator: Annotator, contest: Contest) -> dict
         "library": annotator.library.digest,
         "renderer": annotator.renderer.name,
         "seed": job.seed,
+        "masks": annotator.masks.name if contest.uses_masks else None,
+        "networks": networks,
     }

@@ -106,7 +106,8 @@ class OutcomeStore:
 def outcome_to_json(outcome: Outcome) -> dict[str, Any]:
     """``photo``, ``category``, ``cad``, ``box``, ``candidates``, ``rotation``, ``rotation_error`` (degrees),
     and by name under ``answers`` either ``rejected``, ``reason`` and ``measured`` or ``place`` (of the true
-    model), ``probability``, ``needs_review`` and ``ranking``: id, score, azimuth, elevation, in-plane rotation.
+    model), ``probability``, ``needs_review`` and ``ranking``: id, score, azimuth, elevation, in-plane
+    rotation.
     """
     label, rotation = outcome.label, outcome.rotation
     return {
