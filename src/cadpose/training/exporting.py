@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from cadpose.errors import DependencyError
+from cadpose.errors import DependencyError, InputError
 from cadpose.library.storage import write_atomic
 
 #: Largest difference between ONNX Runtime and torch that an export may have.
@@ -44,6 +44,7 @@ def export_compared(
 
     Raises:
         DependencyError: the difference is larger: this torch and ONNX Runtime do not fit together.
+        InputError: the network answers values that are not numbers.
     """
     data = _exported(model, inputs, outputs, axes)
     if metadata:
@@ -51,7 +52,10 @@ def export_compared(
     with torch.no_grad():
         wanted = [output.numpy() for output in model(*inputs.values())]
     found = _run(data, inputs, outputs)
-    difference = max(float(np.abs(a - b).max()) for a, b in zip(wanted, found, strict=True))
+    # Python's max() would pass over a NaN that is not the first.
+    difference = float(np.max([np.abs(a - b).max() for a, b in zip(wanted, found, strict=True)]))
+    if np.isnan(difference):
+        raise InputError(f"{path}: not written, for the network answers values that are not numbers")
     if not difference <= TOLERANCE:
         raise DependencyError(
             f"the exported network differs from torch's by {difference:.2g}, more than {TOLERANCE:g}: "
