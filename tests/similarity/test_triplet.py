@@ -110,6 +110,28 @@ def test_networks_that_are_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyP
         TripletMeasure()
 
 
+@pytest.mark.parametrize("fixed", [0, 1])
+def test_a_first_axis_that_is_not_free_is_told_of(network: Path, tmp_path: Path, fixed: int) -> None:
+    onnx = pytest.importorskip("onnx")
+    model = onnx.load(str(network))
+    model.graph.input[fixed].type.tensor_type.shape.dim[0].dim_value = 2
+    onnx.save(model, str(tmp_path / "fixed.onnx"))
+    measure = TripletMeasure(tmp_path / "fixed.onnx")
+    with pytest.raises(InputError, match=r"fixed\.onnx: takes 2 (photos|renders) at once"):
+        measure.score(photo_of(0), None, five_views())
+
+
+def test_a_network_that_fails_when_run_is_told_of(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Failing:
+        def run(self, *args: object) -> None:
+            raise RuntimeError("a reshape of another size\nthan it should have")
+
+    measure = TripletMeasure(network)
+    monkeypatch.setitem(measure.__dict__, "_loaded", (Failing(), FRAMING))
+    with pytest.raises(InputError, match=r"fails on 5 renders \(RuntimeError\)"):
+        measure.score(photo_of(0), None, five_views())
+
+
 def test_files_that_are_no_such_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     crop, views = photo_of(0), five_views()
     (tmp_path / "text.onnx").write_text("no network")

@@ -91,7 +91,12 @@ class TripletMeasure:
 
     def _distances(self, photo: NDArray[np.uint8], renders: NDArray[np.uint8]) -> FloatArray:
         session, _ = self._loaded
-        answers = session.run(list(OUTPUTS), dict(zip(INPUTS, (photo, renders), strict=True)))
+        try:
+            answers = session.run(list(OUTPUTS), dict(zip(INPUTS, (photo, renders), strict=True)))
+        except Exception as error:  # ONNX Runtime's errors share no class
+            raise InputError(
+                f"{self.path}: fails on {len(renders)} renders ({type(error).__name__}), train it anew"
+            ) from None
         a, b = (np.asarray(answer, np.float64) for answer in answers)
         if a.ndim != 2 or len(a) != 1 or b.shape != (len(renders), a.shape[1]):
             raise InputError(f"{self.path}: answers other shapes than a triplet network, train it anew")
@@ -129,4 +134,10 @@ class TripletMeasure:
             o.name for o in session.get_outputs()
         }:
             raise InputError(other)
+        for graph_input in session.get_inputs():
+            if isinstance(graph_input.shape[0], int):
+                raise InputError(
+                    f"{self.path}: takes {graph_input.shape[0]} {graph_input.name} at once, no other number, "
+                    "export it with a free first axis"
+                )
         return session, framing
