@@ -41,6 +41,15 @@ def test_mistakes(small_library: Library, tmp_path: Path) -> None:
     one_sentence(
         cadpose(*paper(small_library, out, "--renderer", "raster", "--report", tmp_path)), "a folder"
     )
+    for inside in ("recipe.json", "gallery.json", "labels.jsonl", "evaluation", "evaluation/tables.txt", "."):
+        told = cadpose(*paper(small_library, out, "--report", out / inside))
+        one_sentence(told, "for OUT already: choose another --report")
+    told = cadpose(*paper(small_library, out, "--report", out / "photos" / "car" / "0.png"))
+    one_sentence(told, "which this run reads: choose another --report")
+    told = cadpose(*paper(small_library, out, "--backgrounds", tmp_path, "--report", tmp_path / "0.png"))
+    one_sentence(told, "which this run reads: choose another --report")
+    flagged = cadpose(*paper(small_library, out, "--rotation", "true", "--reject-flagged"))
+    assert flagged.exit_code == 2 and "--reject-flagged needs" in flagged.stderr
     for wrong in (["--models", 1], ["--photos", 0], ["--boxes", "mine"], ["--measure", "sm9"]):
         assert cadpose(*paper(small_library, out, *wrong)).exit_code == 2, wrong
     assert not out.exists()

@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import Result
 
 from cadpose.evaluation import figures
 from cadpose.library.catalogue import Library
-from cadpose.records import Rotation
+from cadpose.pipeline import Annotator
+from cadpose.records import Detection, Photo, Rotation
+from tests.batch.fakes import FakeDetector, fake_annotator
 from tests.cli.invoking import cadpose, one_sentence, said
 from tests.small_library import save, shoot
 
@@ -108,13 +111,25 @@ def test_photos_that_are_missing_and_rotations_of_a_file(
     assert everything.exit_code == 1 and said(everything)["measures"]["aligned"]["n"] == 0
 
 
-def test_what_the_detector_does_not_find_is_no_mistake(small_library: Library, photos: Path) -> None:
-    """These renders are no photos: whatever is missed is told in the table, and the exit code is 0."""
+def test_what_the_detector_does_not_find_is_no_mistake(
+    small_library: Library, photos: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is missed is told in the table, and the exit code is 0."""
+
+    class Blind(FakeDetector):
+        def detect(self, photo: Photo) -> list[Detection]:
+            return []
+
+    def blind(*_: object, **__: object) -> Annotator:
+        return fake_annotator(small_library, detector=Blind())
+
+    monkeypatch.setattr("cadpose.cli.retrieval.make_annotator", blind)
     result = cadpose(
         *evaluate(small_library, photos, "--rotation", "true", "--boxes", "detected", "--limit", 1)
     )
     assert result.exit_code == 0 and not result.stderr
-    assert "Boxes: detected" in result.stdout and "of 2 photos" in result.stdout
+    assert "Boxes: detected" in result.stdout and "0 of 2 photos" in result.stdout
+    assert "no object was found at the labelled box" in result.stdout
 
 
 def test_galleries(small_library: Library, photos: Path, tmp_path: Path) -> None:
@@ -171,9 +186,35 @@ def test_mistakes(small_library: Library, photos: Path, tmp_path: Path) -> None:
     one_sentence(cadpose(*evaluate(small_library, photos, "--report", photos)), "would be written over")
     one_sentence(cadpose(*evaluate(small_library, photos, "--csv", photos.parent / "0.png")), "0.png")
     one_sentence(cadpose(*evaluate(small_library, photos, "--report", tmp_path)), "is a folder")
-    one_sentence(cadpose(*evaluate(small_library, photos, "--rotation", tmp_path / "no.json")), "no.json")
     one_sentence(
         cadpose(*evaluate(small_library, changed(photos, lambda e: [x.pop("cad") for x in e]))), "cad"
     )
     for wrong in (["--measure", "sm9"], ["--limit", 0], ["--accept", 2], ["--resume"], ["--boxes", "none"]):
         assert cadpose(*evaluate(small_library, photos, *wrong)).exit_code == 2, wrong
+
+
+def test_rotations_that_cannot_be(small_library: Library, photos: Path) -> None:
+    for origin in ("true", photos):
+        told = cadpose(*evaluate(small_library, photos, "--reject-flagged", "--rotation", origin))
+        assert told.exit_code == 2 and "--reject-flagged needs" in told.stderr, told.output
+    for word in ("guessed", photos.parent):
+        told = cadpose(*evaluate(small_library, photos, "--rotation", word))
+        assert told.exit_code == 2 and "true, predicted or a label file" in told.stderr, told.output
+
+
+def test_no_output_takes_the_place_of_another(small_library: Library, photos: Path, tmp_path: Path) -> None:
+    def refused(*options: object) -> Result:
+        return cadpose(*evaluate(small_library, photos, "--rotation", "true", *options))
+
+    one, out = tmp_path / "one", tmp_path / "out"
+    again = tmp_path / "none" / ".." / "one"
+    one_sentence(refused("--csv", one, "--report", again), "for --report already: choose another --csv")
+    for name in ("tables.txt", "tables.csv", "tables.json", "settings.json", "outcomes.jsonl", "."):
+        one_sentence(refused("--out", out, "--csv", out / name), "for --out already: choose another --csv")
+    one_sentence(refused("--report", photos), "written over: choose another --report")
+    assert not any(tmp_path.iterdir())
+    # A folder of outcomes that would take a labelled mask's place.
+    mask = photos.parent / "tables.json"
+    path = changed(photos, lambda e: e[0].update(mask="tables.json"))
+    told = cadpose(*evaluate(small_library, path, "--rotation", "true", "--out", photos.parent))
+    one_sentence(told, mask, "written over: choose another --out")

@@ -111,8 +111,8 @@ def test_measures_are_shown_the_mask_in_the_crop(small_library: Library) -> None
     cads = small_library.models("car")
     measure = Watching()
     annotator = fake_annotator(small_library, similarity=measure)
-    given = np.zeros(shot.photo.rgb.shape[:2], np.bool_)
-    given[:, : given.shape[1] // 2] = True
+    given = np.zeros((shot.photo.height, shot.photo.width), np.bool_)
+    given[:, : shot.photo.width // 2] = True
     for mask in (None, given):
         Contest({"watching": measure}).at_rotation(annotator, shot.photo, shot.box, cads, TRUE, mask)
         told = annotator.masks.mask(shot.photo, shot.box) if mask is None else mask

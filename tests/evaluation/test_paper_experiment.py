@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -132,3 +134,20 @@ def test_it_needs_no_torch() -> None:
     listing = "import cadpose.evaluation.paper_experiment, sys, json; print(json.dumps(list(sys.modules)))"
     run = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, check=True)
     assert "torch" not in json.loads(run.stdout)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"categories": ("car", "car")}, "each once"),
+        ({"categories": ()}, "at least one category"),
+        ({"renderer": "crayon"}, "must be one of blender, raster"),
+        ({"size": 16}, "size must lie between 32 and 4096, got 16"),
+        ({"size": 5000}, "size must lie"),
+        ({"samples": 0}, "samples must lie between 1 and 4096, got 0"),
+        ({"seed": -1}, "seed must not be negative"),
+    ],
+)
+def test_setups_that_cannot_be(changes: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        replace(SMALL, **changes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,3 +42,20 @@ def test_a_run_goes_on_with_the_same_network_only(
         run_job(job, annotator, out, resume=True)
     network.write_bytes(b"one")
     run_job(job, annotator, out, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"boxes": "mine"}, "boxes must be one of true, detected, got 'mine'"),
+        ({"measures": ()}, "at least one measure"),
+        ({"limit": 0}, "limit must be at least 1 or None, got 0"),
+        ({"accept": 1.5}, "accept must lie in"),
+        ({"accept": float("nan")}, "accept must lie in"),
+        ({"seed": -1}, "seed must not be negative"),
+        ({"rotation": "true", "reject_flagged": True}, "only predicted rotations are flagged"),
+    ],
+)
+def test_jobs_that_cannot_be(changes: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        RetrievalJob(Path("labels.json"), **changes)

@@ -10,7 +10,15 @@ import typer
 
 from cadpose.cli.options import Categories, Device, Json, LibraryFolder, Seed, make_annotator
 from cadpose.cli.output import complain, progress_bar
-from cadpose.cli.retrieval import Measures, RejectFlagged, Report, photo_progress, tell
+from cadpose.cli.retrieval import (
+    Measures,
+    RejectFlagged,
+    Report,
+    flagged_are_predicted,
+    photo_progress,
+    tell,
+)
+from cadpose.cli.targets import check_targets
 
 app = typer.Typer(help="Experiments of papers, rebuilt.", no_args_is_help=True)
 
@@ -64,28 +72,39 @@ def paper(
 
     Exit code 1: a photo could not be used; the others were evaluated.
     """
-    from cadpose.errors import InputError
     from cadpose.evaluation.figures import require_matplotlib
     from cadpose.evaluation.paper_experiment import (
+        EVALUATION,
+        GALLERY,
         MEASURES,
+        SETTINGS,
         PaperSetup,
         draw_paper_set,
         evaluate_paper_set,
         usual_renderer,
     )
+    from cadpose.evaluation.paper_photos import PHOTOS
+    from cadpose.evaluation.retrieval_job import TABLE_FILES
+    from cadpose.evaluation.retrieval_store import OUTCOMES
+    from cadpose.evaluation.retrieval_store import SETTINGS as OUTCOME_SETTINGS
     from cadpose.library.catalogue import Library
     from cadpose.library.class_map import PAPER_CATEGORIES
+    from cadpose.training.synth.writer import LABELS
 
+    flagged_are_predicted(reject_flagged, rotation)
+    # The photos are written first and read then.
+    inputs = [out / PHOTOS, *(folder for folder in (backgrounds, hdri) if folder is not None)]
+    own = [out, *(out / name for name in (SETTINGS, GALLERY, LABELS, EVALUATION))]
+    own += [out / EVALUATION / name for name in (OUTCOME_SETTINGS, OUTCOMES, *TABLE_FILES)]
+    check_targets([("--report", report)], [("OUT", path) for path in own], inputs)
     drawn_by = usual_renderer() if renderer == "auto" else renderer
     if renderer == "auto" and drawn_by == "raster":
         complain("Blender is not set up, the rasteriser draws: a quick look only (`cadpose blender setup`)")
     if report is not None:
         require_matplotlib()
-        if report.is_dir():
-            raise InputError(f"{report} is a folder: name a file")
     setup = PaperSetup(
         drawn_by,
-        tuple(sorted(category or PAPER_CATEGORIES)),
+        tuple(sorted(set(category or PAPER_CATEGORIES))),
         models,
         photos,
         size,

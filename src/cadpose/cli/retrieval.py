@@ -11,6 +11,7 @@ import typer
 
 from cadpose.cli.options import Candidates, Device, Json, LibraryFolder, RendererName, Seed, make_annotator
 from cadpose.cli.output import complain, print_json, progress_bar
+from cadpose.cli.targets import check_targets
 
 if TYPE_CHECKING:
     from cadpose.evaluation.retrieval import Outcome
@@ -99,25 +100,27 @@ def retrieval(
 
     Exit code 1: a photo could not be used; the others were evaluated.
     """
-    from cadpose.annotations.files import spare_photos
-    from cadpose.errors import InputError
     from cadpose.evaluation.figures import require_matplotlib
     from cadpose.evaluation.retrieval_inputs import choose_labels
-    from cadpose.evaluation.retrieval_job import RetrievalJob, run_job
+    from cadpose.evaluation.retrieval_job import TABLE_FILES, RetrievalJob, run_job
     from cadpose.evaluation.retrieval_store import OUTCOMES, SETTINGS
     from cadpose.library.storage import write_atomic
 
     if resume and out is None:
         raise typer.BadParameter("--resume needs --out, the folder to go on with")
+    flagged_are_predicted(reject_flagged, rotation)
+    of_file = rotation not in ("true", "predicted")
+    if of_file and not Path(rotation).is_file():
+        raise typer.BadParameter(
+            f"--rotation is true, predicted or a label file, and there is no file {rotation}"
+        )
     # Before the long part, so that nothing is evaluated in vain.
     labels = choose_labels(dataset, category, split, limit)
     inputs = [dataset, *(label.photo for label in labels), *([gallery] if gallery else [])]
-    inputs += [Path(rotation)] if rotation not in ("true", "predicted") else []
-    folder_files = [] if out is None else [out / name for name in (SETTINGS, OUTCOMES)]
-    spare_photos([path for path in (report, csv, *folder_files) if path is not None], inputs)
-    for path in (report, csv):
-        if path is not None and path.is_dir():
-            raise InputError(f"{path} is a folder: name a file")
+    inputs += [label.mask for label in labels if isinstance(label.mask, Path)]
+    inputs += [Path(rotation)] if of_file else []
+    own = [] if out is None else [out, *(out / name for name in (SETTINGS, OUTCOMES, *TABLE_FILES))]
+    check_targets([("--report", report), ("--csv", csv)], [("--out", path) for path in own], inputs)
     if report is not None:
         require_matplotlib()
     job = RetrievalJob(
@@ -132,6 +135,16 @@ def retrieval(
     if csv is not None:
         write_atomic(csv, tables.to_csv().encode("utf-8", "backslashreplace"))
     tell(tables, outcomes, annotator, report, json)
+
+
+def flagged_are_predicted(reject_flagged: bool, rotation: str) -> None:
+    """Only what the estimator predicts is flagged.
+
+    Raises:
+        BadParameter: flagged rotations of another origin shall be rejected.
+    """
+    if reject_flagged and rotation != "predicted":
+        raise typer.BadParameter("--reject-flagged needs --rotation predicted: no other rotation is flagged")
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from cadpose.datasets.files import read_json
 from cadpose.datasets.gallery import write_gallery
@@ -51,6 +51,10 @@ class PaperSetup:
         backdrops: Folder of photos to cut backdrops from, None for made-up ones.
         hdri: Folder of panoramas that light Blender's photos, None for made-up light.
         seed: Seed of everything drawn.
+
+    Raises:
+        InputError: a category is none of the paper's.
+        ValueError: a category is named twice or none is, or a value is out of range.
     """
 
     renderer: Renderer
@@ -67,6 +71,17 @@ class PaperSetup:
         if strange := [name for name in self.categories if name not in PAPER_CATEGORIES]:
             ten = ", ".join(sorted(PAPER_CATEGORIES))
             raise InputError(f"{', '.join(strange)} is none of the paper's categories: {ten}")
+        if not self.categories or len(set(self.categories)) < len(self.categories):
+            raise ValueError(f"at least one category, each once, must be named, got {self.categories}")
+        if self.renderer not in get_args(Renderer):
+            raise ValueError(
+                f"the renderer must be one of {', '.join(get_args(Renderer))}, got {self.renderer!r}"
+            )
+        for name, value, low in (("size", self.size, 32), ("samples", self.samples, 1)):
+            if not low <= value <= 4096:
+                raise ValueError(f"{name} must lie between {low} and 4096, got {value}")
+        if self.seed < 0:
+            raise ValueError(f"seed must not be negative, got {self.seed}")
         if min(self.models, self.photos) < 1:
             raise ValueError(f"models and photos must be at least 1, got {self.models} and {self.photos}")
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import cadpose
 from cadpose.datasets.files import MAX_JSONL_BYTES, read_bytes, read_json
@@ -58,6 +58,10 @@ class RetrievalJob:
         accept: Probability from which a first candidate is accepted.
         device: ``"cpu"`` or ``"cuda"``.
         seed: Seed of everything random.
+
+    Raises:
+        ValueError: a value is none of those above, or flagged rotations that are not predicted shall be
+            rejected.
     """
 
     dataset: Path
@@ -72,6 +76,20 @@ class RetrievalJob:
     accept: float = ACCEPT
     device: str = "cpu"
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.boxes not in get_args(BoxesFrom):
+            raise ValueError(f"boxes must be one of {', '.join(get_args(BoxesFrom))}, got {self.boxes!r}")
+        if not self.measures:
+            raise ValueError("at least one measure must be named")
+        if self.limit is not None and self.limit < 1:
+            raise ValueError(f"limit must be at least 1 or None, got {self.limit}")
+        if not 0.0 <= self.accept <= 1.0:
+            raise ValueError(f"accept must lie in [0, 1], got {self.accept}")
+        if self.seed < 0:
+            raise ValueError(f"seed must not be negative, got {self.seed}")
+        if self.reject_flagged and self.rotation != "predicted":
+            raise ValueError(f"only predicted rotations are flagged, got rotation {self.rotation!r}")
 
 
 @dataclass(frozen=True)
