@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,9 @@ from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
 from cadpose.pipeline import Annotator
 from cadpose.records import CadModel, Candidate, Mask, Photo, Rotation, Views
+from cadpose.similarity import local_affine
 from cadpose.similarity.local_affine import AffineComparison, LocalAffine
+from cadpose.similarity.local_features import Sift
 from cadpose.similarity.registry import measures
 from tests.batch.fakes import FakeSimilarity, fake_annotator
 from tests.evaluation.retrieving import ranking
@@ -137,9 +139,28 @@ def test_no_mask_is_sought_for_measures_that_ignore_it(small_library: Library) -
     assert contest.at_rotation(annotator, shot.photo, shot.box, small_library.models("car"), TRUE)
 
 
+@pytest.fixture
+def made_up_delf(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    """Where a network was loaded to; SIFT's features stand for DELF's."""
+    loads: list[str] = []
+
+    class MadeUp(Sift):
+        name = "delf"
+        side = 512
+
+        def __init__(self, *, device: str) -> None:
+            super().__init__()
+            loads.append(device)
+
+    local_affine._delf.cache_clear()
+    monkeypatch.setattr(local_affine, "Delf", MadeUp)
+    yield loads
+    local_affine._delf.cache_clear()
+
+
 @pytest.mark.parametrize("masked", [False, True])
 def test_shared_matches_change_no_score(
-    masked: bool, small_library: Library, monkeypatch: pytest.MonkeyPatch
+    masked: bool, small_library: Library, monkeypatch: pytest.MonkeyPatch, made_up_delf: list[str]
 ) -> None:
     shot = shoot(small_library, "made/car/hatch.obj", TRUE)
     annotator = fake_annotator(small_library)
@@ -152,7 +173,9 @@ def test_shared_matches_change_no_score(
         mask = np.zeros((224, 224), np.bool_)
         mask[30:150, 20:200] = True
     backends = Backends("cpu", 0, None, annotator.render_framed)
-    some = {n: backends.similarity(n) for n in ("aligned", "fused", "sm1", "sm2", "sift-sm2", "sift-sm3")}
+    names = ("aligned", "fused", "sm1", "sm2", "sift-sm2", "sift-sm3", "delf-sm1", "delf-sm2")
+    some = {name: backends.similarity(name) for name in names}
+    assert made_up_delf == ["cpu"]
     alone = {name: measure.score(crop, mask, views, aspect=1.3) for name, measure in some.items()}
     calls: list[tuple[str, bool]] = []
     real = LocalAffine.compare
@@ -169,7 +192,7 @@ def test_shared_matches_change_no_score(
     for name, scores in together.items():
         np.testing.assert_array_equal(scores, alone[name], err_msg=name)
     # The fused measure matches without a mask whatever the others do.
-    assert len(calls) == len(set(calls)) == (3 if masked else 2)
+    assert len(calls) == len(set(calls)) == (4 if masked else 3)
 
 
 def test_names(small_library: Library, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -124,12 +124,12 @@ class LocalAffine:
             DependencyError: torch or DELF's weights are not there, or torch has no such device.
             InputError: the weights are damaged.
         """
-        features = Delf(device=device) if features is None else features
-        distance, residual = (0.9, 10.0) if reranking else (0.8, 20.0)
+        features = _delf(device) if features is None else features
+        matcher, residual = (_near_enough_to_rerank, 10.0) if reranking else (nearest_within, 20.0)
         return cls(
             features,
             measure,
-            matcher=partial(nearest_within, max_distance=distance),
+            matcher=matcher,
             residual_px=residual * SIDE / features.side,
             seed=seed,
         )
@@ -169,6 +169,17 @@ class LocalAffine:
             crop_xy, view_xy, residual_px=self.residual_px, trials=self.trials, seed=self.seed
         )
         return ViewMatches(crop_xy, view_xy, fit)
+
+
+@cache
+def _delf(device: str) -> Delf:
+    """The authors' DELF, one network in memory however many measures rest on it."""
+    return Delf(device=device)
+
+
+def _near_enough_to_rerank(a: FloatMatrix, b: FloatMatrix) -> Pairs:
+    # By name, not a partial: measures that share a matcher share their matches.
+    return nearest_within(a, b, max_distance=0.9)
 
 
 def _all_measures(fits: Sequence[AffineFit]) -> dict[Measure, FloatArray]:

@@ -28,7 +28,6 @@ def measures(encoder: Lite0, seed: int) -> dict[str, Callable[[], SimilarityMeas
     for measure in get_args(Measure):
         table[measure] = partial(LocalAffine, DenseLite0(encoder=encoder), measure, seed=seed)
         table[f"sift-{measure}"] = partial(LocalAffine.sift, measure, seed=seed)
-    for measure in get_args(Measure):
         table[f"delf-{measure}"] = _on(encoder, LocalAffine.delf, measure, seed)
         table[f"xfeat-{measure}"] = _on(encoder, LocalAffine.xfeat, measure, seed)
     table["triplet"] = lambda: TripletMeasure(device=encoder.device)
