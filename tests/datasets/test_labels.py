@@ -48,7 +48,12 @@ def test_what_is_not_known_may_be_missing_or_null(tmp_path: Path) -> None:
 
 
 def test_a_drawn_photo_says_so(tmp_path: Path) -> None:
-    told = [{}, {"synthetic": True}, {"source": "synth"}, {"source": "mine", "synthetic": False}]
+    told: list[dict[str, object]] = [
+        {},
+        {"synthetic": True},
+        {"source": "synth"},
+        {"source": "mine", "synthetic": False},
+    ]
     labels = read_labels(write(tmp_path, [GOOD | more for more in told]))
     assert [label.synthetic for label in labels] == [False, True, True, False]
     with pytest.raises(InputError, match="synthetic must be true or false"):
