@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cadpose.onnx_session import open_session
+
 #: Side of the square image that the encoder was trained on.
 SIDE = 224
 #: Channels of the stride-16 map (block 10).
@@ -91,13 +93,4 @@ _shared = lru_cache(maxsize=4)(Lite0)
 
 
 def _session(name: str, device: str, threads: int) -> Any:
-    import onnxruntime as ort
-
-    options = ort.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.log_severity_level = 3
-    providers = ["CPUExecutionProvider"]
-    if device.startswith("cuda"):
-        providers.insert(0, "CUDAExecutionProvider")
-    path = Path(str(files("cadpose") / "data" / "weights" / name))
-    return ort.InferenceSession(str(path), options, providers=providers)
+    return open_session(Path(str(files("cadpose") / "data" / "weights" / name)), device, threads)

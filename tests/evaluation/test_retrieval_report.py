@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from cadpose.annotations.style import RIGHT, WRONG
 from cadpose.datasets.labels import Label
 from cadpose.evaluation import figures
 from cadpose.evaluation.contest import Ranking
 from cadpose.evaluation.retrieval import Outcome
 from cadpose.evaluation.retrieval_figures import category_map, measure_bars
 from cadpose.evaluation.retrieval_report import draw_examples, write_retrieval_report
-from cadpose.evaluation.retrieval_strips import TRUE, WRONG, draw_strip, examples, strip_of
+from cadpose.evaluation.retrieval_strips import draw_strip, examples, strip_of
 from cadpose.evaluation.retrieval_summary import retrieval_tables
 from cadpose.evaluation.retrieval_tables import RetrievalTables
 from cadpose.geometry.boxes import Box
@@ -70,7 +71,7 @@ def test_the_true_model_is_framed_green(annotator: Annotator, small_library: Lib
         strip = strip_of(annotator, real(small_library, tmp_path, place), "one")
         assert strip is not None and len(strip.shown) == 5
         picture = draw_strip(strip)
-        assert framed(picture, TRUE) == green and framed(picture, WRONG) == red
+        assert framed(picture, RIGHT) == green and framed(picture, WRONG) == red
         # The models are drawn, each another.
         tiles = [np.asarray(picture.crop((8 + 138 * i, 8, 140 + 138 * i, 140))) for i in range(1, 6)]
         assert all(tile.std() > 15 for tile in tiles)
@@ -82,7 +83,7 @@ def test_a_true_model_beyond_the_fifth_place_follows(
     monkeypatch.setattr("cadpose.evaluation.retrieval_strips.SHOWN", 3)
     strip = strip_of(annotator, real(small_library, tmp_path, 5), "one")
     assert strip is not None and [place for place, _ in strip.shown] == [1, 2, 3, 5]
-    assert framed(draw_strip(strip), TRUE) == [4]
+    assert framed(draw_strip(strip), RIGHT) == [4]
 
 
 def test_what_cannot_be_drawn_is_left_out(

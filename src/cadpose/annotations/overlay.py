@@ -225,7 +225,8 @@ def _axis_names(
         if length < 8 * unit:
             continue
         x, y = tips[i] + along / length * size * 0.9
-        light: Colour = tuple(round(0.45 * c + 0.55 * 255) for c in colour)  # type: ignore[assignment]
+        red, green, blue = (round(0.45 * c + 0.55 * 255) for c in colour)
+        light: Colour = (red, green, blue)
         stroke = max(2, round(2 * unit))
         draw.text(
             (x, y),

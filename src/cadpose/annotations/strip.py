@@ -7,6 +7,10 @@ from collections.abc import Sequence
 from PIL import Image, ImageDraw
 
 from cadpose.annotations.style import (
+    FAINT,
+    INK,
+    PAPER,
+    TILE_PAPER,
     Colour,
     angles_text,
     colour_of,
@@ -21,10 +25,6 @@ from cadpose.records import Annotation, Photo, Views
 LIMIT = 10
 
 _TILE, _GAP, _CAPTION, _MARGIN = 176, 8, 40, 14
-_PAPER: Colour = (255, 255, 255)
-_TILE_PAPER: Colour = (239, 241, 244)
-_INK: Colour = (24, 28, 33)
-_FAINT: Colour = (105, 112, 120)
 
 
 def draw_strips(photo: Photo, items: Sequence[tuple[Annotation, Views]]) -> Image.Image:
@@ -45,10 +45,10 @@ def draw_strips(photo: Photo, items: Sequence[tuple[Annotation, Views]]) -> Imag
     width = 2 * _MARGIN + columns * _TILE + (columns - 1) * _GAP
     row = _TILE + _CAPTION
     height = 2 * _MARGIN + max(1, len(items)) * row + max(0, len(items) - 1) * _MARGIN
-    image = Image.new("RGB", (width, height), _PAPER)
+    image = Image.new("RGB", (width, height), PAPER)
     draw = ImageDraw.Draw(image)
     if not items:
-        draw.text((_MARGIN, _MARGIN), "no object was annotated", fill=_FAINT, font=font(16))
+        draw.text((_MARGIN, _MARGIN), "no object was annotated", fill=FAINT, font=font(16))
     for number, (annotation, views) in enumerate(items):
         _row(image, photo, annotation, views, _MARGIN + number * (row + _MARGIN), colour_of(number))
     return image
@@ -73,7 +73,7 @@ def _row(
 
 
 def _tile(image: Image.Image, picture: Image.Image, left: int, top: int) -> None:
-    image.paste(_TILE_PAPER, (left, top, left + _TILE, top + _TILE))
+    image.paste(TILE_PAPER, (left, top, left + _TILE, top + _TILE))
     at = (left + (_TILE - picture.width) // 2, top + (_TILE - picture.height) // 2)
     image.paste(picture, at, picture if picture.mode == "RGBA" else None)
 
@@ -82,5 +82,5 @@ def _caption(draw: ImageDraw.ImageDraw, left: int, top: int, first: str, second:
     name = short(second, 60)
     while draw.textlength(name, font=font(13)) > _TILE - 2:
         name = short(name, len(name) - 1)
-    draw.text((left + 1, top + _TILE + 4), first, fill=_INK, font=font(14))
-    draw.text((left + 1, top + _TILE + 21), name, fill=_FAINT, font=font(13))
+    draw.text((left + 1, top + _TILE + 4), first, fill=INK, font=font(14))
+    draw.text((left + 1, top + _TILE + 21), name, fill=FAINT, font=font(13))

@@ -15,6 +15,14 @@ from cadpose.records import Annotation, Photo, Pose4Dof, Views
 
 Colour = tuple[int, int, int]
 
+#: Of strips and sheets: paper, what a tile lies on, words, lesser words, and a tile's frame or figure.
+PAPER: Colour = (255, 255, 255)
+TILE_PAPER: Colour = (239, 241, 244)
+INK: Colour = (24, 28, 33)
+FAINT: Colour = (105, 112, 120)
+RIGHT: Colour = (32, 140, 60)
+WRONG: Colour = (214, 48, 48)
+
 #: One colour an object, repeated after eight.
 COLOURS: tuple[Colour, ...] = (
     (255, 128, 0),

@@ -6,17 +6,16 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from cadpose.datasets.labels import read_labels, write_labels
 from cadpose.geometry.symmetry_groups import SymmetryGroup
-from cadpose.library.catalogue import Library
 from cadpose.library.mesh import Mesh
 from cadpose.records import CadModel
 from cadpose.training.synth.backdrops import Backdrops
-from cadpose.training.synth.drawers import BlenderDrawer, Drawer, RasterDrawer
+from cadpose.training.synth.drawers import Drawer
 from cadpose.training.synth.generator import SynthGenerator
 from cadpose.training.synth.options import SynthOptions
 from cadpose.training.synth.recipe import Recipe
@@ -68,18 +67,7 @@ class InTurn(SynthGenerator):
 class InTurnRecipe(Recipe):
     """A recipe whose models are drawn in turn."""
 
-    def generator(self) -> SynthGenerator:
-        """One generator, for one process; errors as of `Recipe.generator`."""
-        library = Library.open(self.library)
-        return InTurn(
-            [library.get(i) for i in self.models],
-            library.mesh,
-            library.symmetry,
-            Backdrops(self.backdrops),
-            self.options,
-            self.seed,
-            BlenderDrawer(self.hdri, self.samples) if self.renderer == "blender" else RasterDrawer(),
-        )
+    _made: ClassVar[type[SynthGenerator]] = InTurn
 
     def to_json(self) -> dict[str, Any]:
         """What decides the photos' bytes."""

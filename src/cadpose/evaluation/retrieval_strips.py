@@ -8,7 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw
 
-from cadpose.annotations.style import Colour, font, object_crop, short, view_image
+from cadpose.annotations.style import (
+    FAINT,
+    INK,
+    PAPER,
+    RIGHT,
+    TILE_PAPER,
+    WRONG,
+    font,
+    object_crop,
+    short,
+    view_image,
+)
 from cadpose.datasets.labels import object_in_photo
 from cadpose.errors import CadposeError
 from cadpose.evaluation.contest import Ranking
@@ -21,13 +32,6 @@ from cadpose.records import Candidate, Photo, Views
 SHOWN = 5
 
 _TILE, _GAP, _MARGIN, _BOTTOM, _FRAME = 132, 6, 8, 38, 4
-_PAPER: Colour = (255, 255, 255)
-_TILE_PAPER: Colour = (239, 241, 244)
-_INK: Colour = (24, 28, 33)
-_FAINT: Colour = (105, 112, 120)
-#: The true model's frame; the first candidate's where it is another.
-TRUE: Colour = (32, 140, 60)
-WRONG: Colour = (214, 48, 48)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +103,7 @@ def draw_strip(strip: Strip) -> Image.Image:
     """
     columns = 2 + SHOWN
     size = (2 * _MARGIN + columns * (_TILE + _GAP) - _GAP, 2 * _MARGIN + _TILE + _BOTTOM)
-    picture = Image.new("RGB", size, _PAPER)
+    picture = Image.new("RGB", size, PAPER)
     draw = ImageDraw.Draw(picture)
     crop = object_crop(strip.photo, strip.box, _TILE, margin=0.0)
     sure = "" if strip.probability is None else f"p = {strip.probability:.2f}"
@@ -112,7 +116,7 @@ def draw_strip(strip: Strip) -> Image.Image:
         if true or place == 1:
             left = _MARGIN + (i + 1) * (_TILE + _GAP)
             corners = (left, _MARGIN, left + _TILE - 1, _MARGIN + _TILE - 1)
-            draw.rectangle(corners, outline=TRUE if true else WRONG, width=_FRAME)
+            draw.rectangle(corners, outline=RIGHT if true else WRONG, width=_FRAME)
     return picture
 
 
@@ -144,10 +148,10 @@ def _tile(
     second: str,
 ) -> None:
     left, top = _MARGIN + column * (_TILE + _GAP), _MARGIN
-    picture.paste(_TILE_PAPER, (left, top, left + _TILE, top + _TILE))
+    picture.paste(TILE_PAPER, (left, top, left + _TILE, top + _TILE))
     at = (left + (_TILE - shown.width) // 2, top + (_TILE - shown.height) // 2)
     picture.paste(shown, at, shown if shown.mode == "RGBA" else None)
-    for line, (words, colour) in enumerate(((first, _INK), (second, _FAINT))):
+    for line, (words, colour) in enumerate(((first, INK), (second, FAINT))):
         name = short(words, 60)
         while name and draw.textlength(name, font=font(11)) > _TILE:
             name = short(name, len(name) - 1)

@@ -8,7 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw
 
-from cadpose.annotations.style import Colour, font, object_crop, short, view_image
+from cadpose.annotations.style import (
+    FAINT,
+    INK,
+    PAPER,
+    RIGHT,
+    TILE_PAPER,
+    WRONG,
+    Colour,
+    font,
+    object_crop,
+    short,
+    view_image,
+)
 from cadpose.datasets.label import Label
 from cadpose.errors import CadposeError
 from cadpose.evaluation.rotation import RotationResult
@@ -20,12 +32,6 @@ from cadpose.records import CadModel, Photo, Rotation, Views
 MOST = 24
 
 _TILE, _GAP, _MARGIN, _TOP, _BOTTOM = 150, 6, 16, 24, 40
-_PAPER: Colour = (255, 255, 255)
-_TILE_PAPER: Colour = (239, 241, 244)
-_INK: Colour = (24, 28, 33)
-_FAINT: Colour = (105, 112, 120)
-_RIGHT: Colour = (32, 140, 60)
-_WRONG: Colour = (214, 48, 48)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +103,10 @@ def draw_worst(comparisons: Sequence[Comparison], columns: int = 2) -> Image.Ima
     cell = 3 * _TILE + 2 * _GAP, _TOP + _TILE + _BOTTOM
     rows = max(1, -(-len(comparisons) // columns))
     size = (columns * cell[0] + (columns + 1) * _MARGIN, rows * cell[1] + (rows + 1) * _MARGIN)
-    sheet = Image.new("RGB", size, _PAPER)
+    sheet = Image.new("RGB", size, PAPER)
     draw = ImageDraw.Draw(sheet)
     if not comparisons:
-        draw.text((_MARGIN, _MARGIN), "no photo to compare", fill=_FAINT, font=font(15))
+        draw.text((_MARGIN, _MARGIN), "no photo to compare", fill=FAINT, font=font(15))
     for i, comparison in enumerate(comparisons):
         row, column = divmod(i, columns)
         left, top = _MARGIN + column * (cell[0] + _MARGIN), _MARGIN + row * (cell[1] + _MARGIN)
@@ -110,7 +116,7 @@ def draw_worst(comparisons: Sequence[Comparison], columns: int = 2) -> Image.Ima
 
 def _cell(sheet: Image.Image, draw: ImageDraw.ImageDraw, comparison: Comparison, left: int, top: int) -> None:
     result = comparison.result
-    colour = _RIGHT if result.error <= 30.0 else _WRONG
+    colour = RIGHT if result.error <= 30.0 else WRONG
     draw.text((left, top), f"{result.error:.1f}°", fill=colour, font=font(17))
     certain = ""
     if result.hypotheses:
@@ -119,7 +125,7 @@ def _cell(sheet: Image.Image, draw: ImageDraw.ImageDraw, comparison: Comparison,
         if first.expected_error is not None:
             certain += f", expected {first.expected_error:.0f}°"
         certain += " · needs review" if first.needs_review else ""
-    draw.text((left + 72, top + 3), certain, fill=_INK, font=font(13))
+    draw.text((left + 72, top + 3), certain, fill=INK, font=font(13))
     assert result.estimate is not None
     label = result.label
     labelled = "label " + _angles(true_rotation(result))
@@ -132,11 +138,11 @@ def _cell(sheet: Image.Image, draw: ImageDraw.ImageDraw, comparison: Comparison,
     )
     for i, (picture, first_line, second_line) in enumerate(tiles):
         x, y = left + i * (_TILE + _GAP), top + _TOP
-        sheet.paste(_TILE_PAPER, (x, y, x + _TILE, y + _TILE))
+        sheet.paste(TILE_PAPER, (x, y, x + _TILE, y + _TILE))
         at = (x + (_TILE - picture.width) // 2, y + (_TILE - picture.height) // 2)
         sheet.paste(picture, at, picture if picture.mode == "RGBA" else None)
-        _line(draw, x, y + _TILE + 3, first_line, _INK)
-        _line(draw, x, y + _TILE + 19, second_line, _FAINT)
+        _line(draw, x, y + _TILE + 3, first_line, INK)
+        _line(draw, x, y + _TILE + 19, second_line, FAINT)
 
 
 def _drawn(comparison: Comparison, index: int) -> Image.Image:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from cadpose.errors import DependencyError
 from cadpose.geometry.frames import FloatArray
+from cadpose.onnx_session import open_session
 from cadpose.rotation.bins import BIN_DEGREES, BINS, decode_hypotheses, probabilities
 from cadpose.rotation.features import Described
 
@@ -80,18 +81,10 @@ class RotationNetwork:
 
     @cached_property
     def _session(self) -> Any:
-        import onnxruntime as ort
-
         if not self.path.is_file():
             raise DependencyError(f"there is no rotation network at {self.path}: reinstall cadpose.")
-        options = ort.SessionOptions()
-        options.intra_op_num_threads = self.threads
-        options.log_severity_level = 3
-        providers = ["CPUExecutionProvider"]
-        if self.device.startswith("cuda"):
-            providers.insert(0, "CUDAExecutionProvider")
         try:
-            session = ort.InferenceSession(str(self.path), options, providers=providers)
+            session = open_session(self.path, self.device, self.threads)
             known = "categories" in session.get_modelmeta().custom_metadata_map
         except Exception as error:  # ONNX Runtime's errors share no class of their own
             raise DependencyError(f"{self.path} cannot be run as a rotation network ({error})") from error

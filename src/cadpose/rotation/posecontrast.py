@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from cadpose.errors import DependencyError, InputError
 from cadpose.geometry.angles import flip_angles, geodesic_degrees, rotation_from_angles
+from cadpose.onnx_session import open_session
 from cadpose.records import CadModel, Rotation, RotationHypothesis
 from cadpose.rotation.bins import BINS, decode_hypotheses, probabilities
 
@@ -135,18 +136,10 @@ class PoseContrastEstimator:
 
     @cached_property
     def _session(self) -> Any:
-        import onnxruntime as ort
-
         if self.path.stat().st_size > MAX_BYTES:
             raise InputError(f"{self.path}: larger than {MAX_BYTES >> 20} MiB, which no such network is")
-        options = ort.SessionOptions()
-        options.intra_op_num_threads = self.threads
-        options.log_severity_level = 4
-        providers = ["CPUExecutionProvider"]
-        if self.device == "cuda":
-            providers.insert(0, "CUDAExecutionProvider")
         try:
-            session = ort.InferenceSession(str(self.path), options, providers=providers)
+            session = open_session(self.path, self.device, self.threads)
         except Exception as error:  # ONNX Runtime's errors share no class
             raise InputError(
                 f"{self.path}: is no ONNX network ({type(error).__name__}), export it anew"

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from cadpose.errors import DependencyError, InputError
 from cadpose.geometry.frames import FloatArray
+from cadpose.onnx_session import open_session
 from cadpose.records import Mask, Views
 from cadpose.similarity.triplet_framing import Framing
 
@@ -107,18 +108,10 @@ class TripletMeasure:
 
     @cached_property
     def _loaded(self) -> tuple[Any, Framing]:
-        import onnxruntime as ort
-
         if self.path.stat().st_size > MAX_BYTES:
             raise InputError(f"{self.path}: larger than {MAX_BYTES >> 20} MiB, which no such network is")
-        options = ort.SessionOptions()
-        options.intra_op_num_threads = self.threads
-        options.log_severity_level = 4
-        providers = ["CPUExecutionProvider"]
-        if self.device == "cuda":
-            providers.insert(0, "CUDAExecutionProvider")
         try:
-            session = ort.InferenceSession(str(self.path), options, providers=providers)
+            session = open_session(self.path, self.device, self.threads)
         except Exception as error:  # ONNX Runtime's errors share no class
             raise InputError(
                 f"{self.path}: is no ONNX network ({type(error).__name__}), train it anew"

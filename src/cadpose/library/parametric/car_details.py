@@ -115,9 +115,13 @@ def _grille(
         build.add(_BLACK, _bent(shape, part, -0.019, 0.03, 3).pair())
         return
     if rng.random() < 0.55:
-        frame: Corners = tuple(
-            (x * 1.04, y + d) for (x, y), d in zip(outline, (-0.02, -0.02, 0.015, 0.015), strict=True)
-        )  # type: ignore[assignment]
+        (ax, ay), (bx, by), (cx, cy), (dx, dy) = outline
+        frame: Corners = (
+            (ax * 1.04, ay - 0.02),
+            (bx * 1.04, by - 0.02),
+            (cx * 1.04, cy + 0.015),
+            (dx * 1.04, dy + 0.015),
+        )
         build.add(_CHROME, _bent(shape, frame, -0.013, 0.03, 7))
     build.add(_BLACK, _bent(shape, outline, -0.018, 0.03, 7))
     bars = plain((0.5, 0.5, 0.52), "bars") if rng.random() < 0.6 else _CHROME

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from cadpose.errors import InputError, LibraryError
 from cadpose.library.catalogue import Library
@@ -46,6 +46,9 @@ class Recipe:
     renderer: Renderer = "raster"
     hdri: Path | None = None
     samples: int = 16
+
+    #: What :meth:`generator` makes; a recipe that draws in another way names its own.
+    _made: ClassVar[type[SynthGenerator]] = SynthGenerator
 
     @classmethod
     def from_library(
@@ -103,7 +106,7 @@ class Recipe:
             DependencyError: Blender is not set up.
         """
         library = Library.open(self.library)
-        return SynthGenerator(
+        return self._made(
             [library.get(i) for i in self.models],
             library.mesh,
             library.symmetry,

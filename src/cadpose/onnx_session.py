@@ -1,0 +1,31 @@
+"""How a network in an ONNX file is opened: device, threads, and no chatter on stderr."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+#: ONNX Runtime's level for fatal errors: all others reach us as exceptions.
+_FATAL = 4
+
+
+def open_session(path: Path, device: str = "cpu", threads: int = 0) -> Any:
+    """An ONNX Runtime session.
+
+    Args:
+        path: The file.
+        device: ``"cpu"`` or ``"cuda"``; on CUDA what it lacks runs on the CPU.
+        threads: Threads within one operator; 0 lets ONNX Runtime choose.
+
+    Raises:
+        Exception: the file cannot be run; ONNX Runtime's errors share no class of their own.
+    """
+    import onnxruntime as ort
+
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.log_severity_level = _FATAL
+    providers = ["CPUExecutionProvider"]
+    if device.startswith("cuda"):
+        providers.insert(0, "CUDAExecutionProvider")
+    return ort.InferenceSession(str(path), options, providers=providers)
