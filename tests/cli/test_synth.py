@@ -70,6 +70,8 @@ def test_only_held_out_models(
     assert len(shown) >= 6 and set(shown) == {hatch}
     monkeypatch.setattr(held_out, "read_held_out", lambda lookalikes: {"car": frozenset({"other"})})
     one_sentence(cadpose(*synth(small_library, tmp_path / "b", "--held-out")), "none of the held-out models")
+    chairs = synth(small_library, tmp_path / "c", "--held-out", "--category", "chair")
+    one_sentence(cadpose(*chairs), "which are of car")
 
 
 def test_mistakes(small_library: Library, tmp_path: Path) -> None:

@@ -87,11 +87,15 @@ def synth(
         degrade=usual.degrade if flaws else 0.0,
     )
     opened = Library.open(library)
-    kept = {i for ids in read_held_out(lookalikes=False).values() for i in ids} if held_out else None
-    if kept is not None and not any(m.id in kept for m in opened.models()):
-        raise LibraryError(
-            f"{opened.path} has none of the held-out models: add them with `cadpose library add sweethome3d`"
-        )
+    kept = None
+    if held_out:
+        by_category = read_held_out(lookalikes=False)
+        kept = {i for ids in by_category.values() for i in ids}
+        if not any(m.id in kept for m in opened.models() if not category or m.category in category):
+            raise LibraryError(
+                f"{opened.path} has none of the held-out models, which are of {', '.join(sorted(by_category))}: "
+                "name one of these, or add them with `cadpose library add sweethome3d`"
+            )
     recipe = Recipe.from_library(
         opened,
         category,
