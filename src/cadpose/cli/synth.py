@@ -93,8 +93,8 @@ def synth(
         kept = {i for ids in by_category.values() for i in ids}
         if not any(m.id in kept for m in opened.models() if not category or m.category in category):
             raise LibraryError(
-                f"{opened.path} has none of the held-out models, which are of {', '.join(sorted(by_category))}: "
-                "name one of these, or add them with `cadpose library add sweethome3d`"
+                f"{opened.path} has none of the held-out models, which are of "
+                f"{', '.join(sorted(by_category))}: name one of these, or add them with `cadpose library add sweethome3d`"
             )
     recipe = Recipe.from_library(
         opened,
