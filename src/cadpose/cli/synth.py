@@ -94,7 +94,8 @@ def synth(
         if not any(m.id in kept for m in opened.models() if not category or m.category in category):
             raise LibraryError(
                 f"{opened.path} has none of the held-out models, which are of "
-                f"{', '.join(sorted(by_category))}: name one of these, or add them with `cadpose library add sweethome3d`"
+                f"{', '.join(sorted(by_category))}: name one of these, or add them with "
+                "`cadpose library add sweethome3d`"
             )
     recipe = Recipe.from_library(
         opened,
