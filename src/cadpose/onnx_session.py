@@ -9,11 +9,11 @@ from typing import Any
 _FATAL = 4
 
 
-def open_session(path: Path, device: str = "cpu", threads: int = 0) -> Any:
+def open_session(network: Path | bytes, device: str = "cpu", threads: int = 0) -> Any:
     """An ONNX Runtime session.
 
     Args:
-        path: The file.
+        network: The file, or what is in it.
         device: ``"cpu"`` or ``"cuda"``; on CUDA what it lacks runs on the CPU.
         threads: Threads within one operator; 0 lets ONNX Runtime choose.
 
@@ -28,4 +28,6 @@ def open_session(path: Path, device: str = "cpu", threads: int = 0) -> Any:
     providers = ["CPUExecutionProvider"]
     if device.startswith("cuda"):
         providers.insert(0, "CUDAExecutionProvider")
-    return ort.InferenceSession(str(path), options, providers=providers)
+    return ort.InferenceSession(
+        network if isinstance(network, bytes) else str(network), options, providers=providers
+    )

@@ -1,0 +1,1 @@
+"""The view index of a whole library: built resumably, asked in milliseconds."""

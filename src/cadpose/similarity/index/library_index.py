@@ -1,0 +1,203 @@
+"""The view index of a library: which models look most like the object in a photo, among all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cadpose.encoder import lite0
+from cadpose.errors import InputError, LibraryError
+from cadpose.geometry.boxes import Box
+from cadpose.library.catalogue import Library
+from cadpose.photos import crop_square
+from cadpose.records import Rotation
+from cadpose.similarity.embedding import SIDE, ViewEmbedder
+from cadpose.similarity.index.build import IndexReport, LibrarySource, build_index
+from cadpose.similarity.index.describe import ViewDescriber
+from cadpose.similarity.index.grid import ViewGrid
+from cadpose.similarity.index.segments import Segment, SegmentStore
+from cadpose.similarity.index.vectors import VectorIndex
+from cadpose.similarity.local_features import BACKGROUND
+from cadpose.similarity.small_maps import SmallMaps, compare, describe_crop
+
+#: What the cosine of the embeddings counts beside the score of the small maps.
+COSINE_WEIGHT = 1.0
+#: Views of a model whose small maps are compared, where the rotation is not known.
+_VIEWS_COMPARED = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """One model that was found.
+
+    Attributes:
+        cad: Its id.
+        category: Library category.
+        score: What the matches are ranked by; comparable within one query only.
+        cosine: Of the embeddings, best view.
+        rotation: The view that matches best.
+    """
+
+    cad: str
+    category: str
+    score: float
+    cosine: float
+    rotation: Rotation
+
+
+class LibraryIndex:
+    """An index that is there, ready to be asked. Make one with `open`, after `build` or by it.
+
+    Attributes:
+        folder: Where it is.
+        grid: From where its models are seen.
+        vectors: Its embeddings.
+    """
+
+    def __init__(
+        self, folder: Path, store: SegmentStore, embedder: ViewEmbedder, device: str = "cpu"
+    ) -> None:
+        self.folder = folder
+        self._embedder = embedder
+        self._encoder = lite0(device)
+        try:
+            told = store.settings
+            self.grid = ViewGrid(int(told["azimuths"]), tuple(map(float, told["elevations"])))
+            made_with = str(told["embedding"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise LibraryError(
+                f"The view index {folder} does not tell how it was made; delete it and run "
+                "`cadpose library index`."
+            ) from error
+        if made_with != embedder.sha256:
+            raise LibraryError(
+                f"The view index {folder} was made with another network; delete it and run "
+                "`cadpose library index`, or name that network with --embedding."
+            )
+        self._segments: list[Segment] = [store.read(name) for name in store.names]
+        self._entries = [entry for segment in self._segments for entry in segment.entries]
+        self._starts = np.cumsum([0, *(len(segment.entries) for segment in self._segments)])
+        self.vectors = VectorIndex(
+            [segment.embeddings for segment in self._segments], [entry.category for entry in self._entries]
+        )
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    @property
+    def categories(self) -> set[str]:
+        """Those of its models."""
+        return {entry.category for entry in self._entries}
+
+    @property
+    def ids(self) -> list[str]:
+        """Its models, in the order of their rows."""
+        return [entry.id for entry in self._entries]
+
+    @classmethod
+    def open(cls, folder: Path, embedder: ViewEmbedder, device: str = "cpu") -> Self:
+        """Open an index.
+
+        Raises:
+            LibraryError: there is none, it is damaged, or it was made with another network.
+            DependencyError: FAISS is not installed.
+        """
+        return cls(folder, SegmentStore.open(folder), embedder, device)
+
+    @staticmethod
+    def build(
+        library: Library,
+        embedder: ViewEmbedder,
+        folder: Path | None = None,
+        *,
+        grid: ViewGrid | None = None,
+        categories: Collection[str] | None = None,
+        workers: int = 1,
+        device: str = "cpu",
+    ) -> IndexReport:
+        """Make the index of a library, or bring it up to date; see :func:`build_index`."""
+        describer = ViewDescriber(embedder, grid, device)
+        return build_index(
+            folder or index_folder(library),
+            LibrarySource(library),
+            describer,
+            categories=categories,
+            workers=workers,
+        )
+
+    def query(
+        self,
+        rgb: NDArray[np.uint8],
+        box: Box,
+        *,
+        category: str | None = None,
+        rotations: Sequence[Rotation] = (),
+        top: int = 50,
+        rerank: bool = True,
+    ) -> list[Match]:
+        """The models most like the object in a box of a photo, best first.
+
+        The embeddings choose ``top`` models, the small maps of their views rank them.
+
+        Args:
+            rgb: (H, W, 3) uint8 photo.
+            box: The object.
+            category: Only models of this category; of all if None.
+            rotations: How the object may be turned: only views near one of these take part; all if empty.
+            top: How many models at most.
+            rerank: Rank them by their small maps too, not by the embeddings alone.
+
+        Raises:
+            InputError: the box lies outside the photo.
+            ValueError: ``top`` is below 1.
+        """
+        if top < 1:
+            raise ValueError(f"top must be at least 1, got {top}")
+        try:
+            query = self._embedder.crop(rgb, box)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        views = self.grid.nearest(rotations)
+        rows, cosines = self.vectors.search(query, views, category, top)
+        if not len(rows):
+            return []
+        best, scores = cosines.argmax(axis=1), cosines.max(axis=1).astype(np.float64)
+        if rerank:
+            # Without a rotation, or with several, a model's views that look most alike stand for the others.
+            shown = np.argsort(-cosines, axis=1, kind="stable")[:, :_VIEWS_COMPARED]
+            photo = describe_crop(crop_square(rgb, box, SIDE, fill=BACKGROUND), self._encoder)
+            maps = self._maps(rows, views[shown])
+            alike = compare(photo, maps, box.width / box.height).reshape(shown.shape)
+            best = np.take_along_axis(shown, alike.argmax(axis=1)[:, None], axis=1)[:, 0]
+            scores = alike.max(axis=1) + COSINE_WEIGHT * scores
+        order = np.argsort(-scores, kind="stable")
+        return [
+            Match(
+                self._entries[rows[i]].id,
+                self._entries[rows[i]].category,
+                float(scores[i]),
+                float(cosines[i].max()),
+                Rotation(*self.grid.angles[views[best[i]]]),
+            )
+            for i in order
+        ]
+
+    def _maps(self, rows: NDArray[np.int64], views: NDArray[np.int64]) -> SmallMaps:
+        """The small maps of (K,) models at (K, k) views, K x k of them."""
+        cells, aspects = [], []
+        for row, wanted in zip(rows, views, strict=True):
+            number = int(np.searchsorted(self._starts, row, side="right")) - 1
+            segment, at = self._segments[number], int(row - self._starts[number])
+            cells.append(segment.cells[at, wanted])
+            aspects.append(segment.aspects[at, wanted])
+        return SmallMaps(np.concatenate(cells), np.concatenate(aspects))
+
+
+def index_folder(library: Library) -> Path:
+    """Where a library's index is kept unless told otherwise."""
+    return library.path / "view-index"
