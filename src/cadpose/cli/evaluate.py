@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from cadpose.cli.library_search import library_search
 from cadpose.cli.options import (
     Candidates,
     Device,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Tables over labelled photographs.", no_args_is_help=True)
 app.command("retrieval")(retrieval)
+app.command("library")(library_search)
 
 _Labels = Annotated[Path, typer.Argument(help="Label file, JSON or JSONL: photo, box, category, azimuth ...")]
 _Category = Annotated[str | None, typer.Option("--category", help="Only labels of this category.")]

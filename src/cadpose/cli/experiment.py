@@ -18,14 +18,11 @@ from cadpose.cli.retrieval import (
     photo_progress,
     tell,
 )
+from cadpose.cli.scale import scale
 from cadpose.cli.targets import check_targets
 
-app = typer.Typer(help="Experiments of papers, rebuilt.", no_args_is_help=True)
-
-
-@app.callback()
-def _group() -> None:
-    """Keep ``paper`` a sub-command though it is the only one."""
+app = typer.Typer(help="Experiments of papers, rebuilt, and how the index scales.", no_args_is_help=True)
+app.command("scale")(scale)
 
 
 @app.command("paper")

@@ -11,11 +11,16 @@ import typer
 
 from cadpose.cli.options import Categories, Json, LibraryFolder
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
+from cadpose.cli.view_index import index, search
 
 #: What was mended in models is told this often: of a large catalogue it would be pages.
 _WARNINGS = 10
 
-app = typer.Typer(help="The CAD catalogue: add models, list, check and show them.", no_args_is_help=True)
+app = typer.Typer(
+    help="The CAD catalogue: add models, list, check, show and search them.", no_args_is_help=True
+)
+app.command("index")(index)
+app.command("search")(search)
 
 
 @app.command("add")

@@ -15,12 +15,12 @@ from cadpose.errors import InputError, LibraryError
 from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
 from cadpose.photos import crop_square
-from cadpose.records import Rotation
+from cadpose.records import Rotation, RotationHypothesis
 from cadpose.similarity.embedding import SIDE, ViewEmbedder
 from cadpose.similarity.index.build import IndexReport, LibrarySource, build_index
 from cadpose.similarity.index.describe import ViewDescriber
 from cadpose.similarity.index.grid import ViewGrid
-from cadpose.similarity.index.segments import Segment, SegmentStore
+from cadpose.similarity.index.segments import Entry, Segment, SegmentStore
 from cadpose.similarity.index.vectors import VectorIndex
 from cadpose.similarity.local_features import BACKGROUND
 from cadpose.similarity.small_maps import SmallMaps, compare, describe_crop
@@ -29,6 +29,8 @@ from cadpose.similarity.small_maps import SmallMaps, compare, describe_crop
 COSINE_WEIGHT = 1.0
 #: Views of a model whose small maps are compared, where the rotation is not known.
 _VIEWS_COMPARED = 4
+#: How many rotations a search takes at most, and how probable they are together before it takes no more.
+_MOST_ROTATIONS, _ENOUGH = 3, 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +97,9 @@ class LibraryIndex:
         return {entry.category for entry in self._entries}
 
     @property
-    def ids(self) -> list[str]:
+    def entries(self) -> tuple[Entry, ...]:
         """Its models, in the order of their rows."""
-        return [entry.id for entry in self._entries]
+        return tuple(self._entries)
 
     @classmethod
     def open(cls, folder: Path, embedder: ViewEmbedder, device: str = "cpu") -> Self:
@@ -196,6 +198,18 @@ class LibraryIndex:
             cells.append(segment.cells[at, wanted])
             aspects.append(segment.aspects[at, wanted])
         return SmallMaps(np.concatenate(cells), np.concatenate(aspects))
+
+
+def likely_rotations(hypotheses: Sequence[RotationHypothesis]) -> list[Rotation]:
+    """The rotations to search at: the first ones, until together they are right nine times in ten."""
+    kept: list[Rotation] = []
+    chance = 0.0
+    for hypothesis in hypotheses[:_MOST_ROTATIONS]:
+        kept.append(hypothesis.rotation)
+        chance += hypothesis.probability
+        if chance >= _ENOUGH:
+            break
+    return kept
 
 
 def index_folder(library: Library) -> Path:

@@ -1,8 +1,8 @@
 """Nearest neighbours among the embeddings of an index: FAISS over bytes, then the best ones exactly.
 
-One flat FAISS index a category and view, so both filters choose which of them are searched and nothing is
-searched in vain. FAISS holds 8 bits a number; what it finds is compared again with the embeddings as they are
-on disk.
+One flat FAISS index a view: the rotation says which of them are searched. In each the models lie by category,
+so a category is a range of numbers. FAISS holds 8 bits a number; what it finds is compared again with the
+embeddings as they are on disk.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from cadpose.similarity.embedding import DIMENSIONS
 
 #: Models that FAISS's answer is cut to before they are compared exactly, in multiples of those asked for.
 _SPARE = 2
+#: Models that are worked on at once.
+_BLOCK = 4096
 
 
 class VectorIndex:
@@ -40,11 +42,17 @@ class VectorIndex:
             ) from error
         self._parts = [part for part in embeddings if len(part)]
         self._starts = np.cumsum([0, *(len(part) for part in self._parts)])
-        self._rows: dict[str, NDArray[np.int64]] = {}
         named = np.array(categories, object)
+        #: Models in the order in which FAISS has them.
+        self._order = np.argsort(named.astype(str), kind="stable").astype(np.int64)
+        ordered = named[self._order]
+        self._ranges: dict[str, tuple[int, int]] = {}
         for name in sorted(set(categories)):
-            self._rows[name] = np.flatnonzero(named == name)
-        self._faiss: dict[tuple[str, int], Any] = {}
+            (where,) = np.nonzero(ordered == name)
+            self._ranges[name] = int(where[0]), int(where[-1]) + 1
+        self._search_parameters: Any = faiss.SearchParameters
+        self._selector = faiss.IDSelectorRange
+        self._faiss: list[Any] = []
         if not self._parts:
             return
         # One query has nothing to share out, and waiting threads cost more than they save.
@@ -52,15 +60,16 @@ class VectorIndex:
         low = np.min([part.min(axis=(0, 1)) for part in self._parts], axis=0)
         high = np.max([part.max(axis=(0, 1)) for part in self._parts], axis=0)
         span = np.stack([low, high]).astype(np.float32)
-        for name, rows in self._rows.items():
-            own = self.gather(rows)
-            for view in range(own.shape[1]):
-                index = faiss.IndexScalarQuantizer(
-                    DIMENSIONS, faiss.ScalarQuantizer.QT_8bit, faiss.METRIC_INNER_PRODUCT
-                )
-                index.train(span)
+        for _ in range(self._parts[0].shape[1]):
+            index = faiss.IndexScalarQuantizer(
+                DIMENSIONS, faiss.ScalarQuantizer.QT_8bit, faiss.METRIC_INNER_PRODUCT
+            )
+            index.train(span)
+            self._faiss.append(index)
+        for first in range(0, len(self), _BLOCK):
+            own = self.gather(self._order[first : first + _BLOCK])
+            for view, index in enumerate(self._faiss):
                 index.add(np.ascontiguousarray(own[:, view], np.float32))
-                self._faiss[name, view] = index
 
     def __len__(self) -> int:
         return int(self._starts[-1])
@@ -88,31 +97,39 @@ class VectorIndex:
         Returns:
             (K,) models, nearest first, and (K, len(views)) the cosine of each of their views.
         """
-        names = self._rows if category is None else [category] if category in self._rows else []
-        found, cosines = [], []
-        wanted = _SPARE * count
-        for name in names:
-            rows = self._rows[name]
-            for view in views:
-                near, which = self._faiss[name, int(view)].search(query[None], min(wanted, len(rows)))
-                found.append(rows[which[0]])
-                cosines.append(near[0])
-        if not found:
+        first, last = self._range(category)
+        if first == last:
             return np.zeros(0, np.int64), np.zeros((0, len(views)), np.float32)
+        wanted = _SPARE * count
+        parameters = (
+            self._search_parameters(sel=self._selector(first, last)) if category is not None else None
+        )
+        found, cosines = [], []
+        for view in views:
+            near, which = self._faiss[int(view)].search(
+                query[None], min(wanted, last - first), params=parameters
+            )
+            found.append(self._order[which[0]])
+            cosines.append(near[0])
         flat, near = np.concatenate(found), np.concatenate(cosines)
         order = np.argsort(-near, kind="stable")
         # The first of a model's places is that of its best view.
-        _, first = np.unique(flat[order], return_index=True)
-        return self._best(query, views, flat[order][np.sort(first)[:wanted]], count)
+        _, place = np.unique(flat[order], return_index=True)
+        return self._best(query, views, flat[order][np.sort(place)[:wanted]], count)
 
     def exact(
         self, query: NDArray[np.float32], views: NDArray[np.int64], category: str | None, count: int
     ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """As :meth:`search`, comparing with every model: what it is measured against."""
-        rows = np.arange(len(self)) if category is None else self._rows.get(category, np.zeros(0, np.int64))
-        if not len(rows):
+        first, last = self._range(category)
+        if first == last:
             return np.zeros(0, np.int64), np.zeros((0, len(views)), np.float32)
+        rows = np.sort(self._order[first:last])
         return self._best(query, views, rows, count)
+
+    def _range(self, category: str | None) -> tuple[int, int]:
+        """Where FAISS has the models of a category."""
+        return (0, len(self)) if category is None else self._ranges.get(category, (0, 0))
 
     def _best(
         self, query: NDArray[np.float32], views: NDArray[np.int64], rows: NDArray[np.int64], count: int
@@ -120,7 +137,7 @@ class VectorIndex:
         cosines = np.concatenate(
             [
                 self.gather(block)[:, views].astype(np.float32) @ query
-                for block in np.array_split(rows, -(-len(rows) // 4096))
+                for block in np.array_split(rows, -(-len(rows) // _BLOCK))
             ]
         )
         # Equal ones in order of their rows.
