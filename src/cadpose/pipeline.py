@@ -39,6 +39,7 @@ from cadpose.records import (
     RotationHypothesis,
     Views,
 )
+from cadpose.similarity.index.library_index import LibraryIndex
 from cadpose.similarity.local_features import BACKGROUND
 from cadpose.similarity.ranking import rank_candidates
 
@@ -95,6 +96,7 @@ class Annotator:
         detector, masks, rotation, similarity, renderer: Names of backends (see
             :mod:`cadpose.backends`) or objects that satisfy the stage's protocol.
         candidates: CAD models compared with each object.
+        index: Chooses them by what the object looks like; the category's representatives if None.
         categories: Library categories to look for; None means all that the library holds.
         align_to: ``"box"`` fits the focal length to the detection box with the middles of box and projected
             rectangle together; ``"paper"`` keeps the principal point at the box's middle as the paper does;
@@ -118,6 +120,7 @@ class Annotator:
         similarity: object = "aligned",
         renderer: object = "raster",
         candidates: int = 10,
+        index: LibraryIndex | None = None,
         categories: Sequence[str] | None = None,
         align_to: str = "box",
         device: str = "cpu",
@@ -131,8 +134,7 @@ class Annotator:
         self.library = library if isinstance(library, Library) else Library.open(_path(library))
         self.categories = tuple(self._known(name) for name in categories or self.library.categories())
         self.candidate_count = candidates
-        self.align_to = align_to
-        self.seed = seed
+        self.align_to, self.seed, self.index = align_to, seed, index
         backends = Backends(device, seed, cache, self.render_framed, self.library.symmetry)
         self.renderer = backends.renderer(renderer)
         self.detector = backends.detector(detector, self.categories)
@@ -264,6 +266,8 @@ class Annotator:
             else:
                 hypotheses = self.estimate_rotation(photo, box, detection.category, cads)
         with clock.time("similarity"):
+            if self.index is not None:
+                cads = self.index.candidates(self.library, photo, detection, hypotheses, self.candidate_count)
             candidates = self.rank(photo, box, cads, [hypotheses[0].rotation], detection.mask)
         best = candidates[0]
         with clock.time("alignment"):
@@ -328,6 +332,7 @@ class Annotator:
             "renderer": self.renderer.name,
             "align_to": self.align_to,
             "candidates": self.candidate_count,
+            "index": None if self.index is None else self.index.digest,
             "seed": self.seed,
         }
 

@@ -67,3 +67,25 @@ def test_evaluating(made: list[str], small_library: Library, tmp_path: Path) -> 
 
 def test_scale_wants_numbers(made: list[str], tmp_path: Path) -> None:
     assert cadpose("experiment", "scale", tmp_path / "out", "--models", "many", *made[:2]).exit_code == 2
+
+
+def test_annotating_with_candidates_of_the_index(
+    made: list[str], small_library: Library, tmp_path: Path
+) -> None:
+    shot = shoot(small_library, small_library.models("car")[0].id, Rotation(40.0, 12.0))
+    photo = save(tmp_path / "street.png", shot.photo.rgb)
+    arguments = (
+        "annotate",
+        photo,
+        *given(shot),
+        *made,
+        "--candidates",
+        1,
+        "--out",
+        tmp_path / "out",
+        "--json",
+    )
+    (told,) = said(cadpose(*arguments))
+    found = said(cadpose("library", "search", photo, *given(shot), *made, "--json"))["found"]
+    (annotation,) = told["annotations"]
+    assert annotation["cad"] == found[0]["cad"]

@@ -11,10 +11,10 @@ from cadpose.library.catalogue import Library
 def test_both_measures_are_what_a_tree_says() -> None:
     rng = np.random.default_rng(0)
     a, b = (rng.uniform(-0.3, 0.3, (n, 3)).astype(np.float32) for n in (700, 1300))
-    from_a, from_b = cKDTree(b).query(a)[0], cKDTree(a).query(b)[0]
+    from_a, from_b = (np.asarray(cKDTree(there).query(here)[0]) for here, there in ((a, b), (b, a)))
     told = compare_points(a, b, 0.05)
     assert told.chamfer == pytest.approx((from_a.mean() + from_b.mean()) / 2, rel=1e-4)
-    precision, recall = (from_a <= 0.05).mean(), (from_b <= 0.05).mean()
+    precision, recall = (float(np.mean(away <= 0.05)) for away in (from_a, from_b))
     assert told.fscore == pytest.approx(2 * precision * recall / (precision + recall), abs=2e-3)
 
 

@@ -21,6 +21,7 @@ from cadpose.cli.options import (
     make_annotator,
 )
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
+from cadpose.cli.view_index import Embedding, open_index
 
 if TYPE_CHECKING:
     from cadpose.annotations.parts import AnnotationPart
@@ -45,6 +46,11 @@ def annotate(
     ] = None,
     library: LibraryFolder = None,
     candidates: Candidates = 10,
+    index: Annotated[
+        Path | None,
+        typer.Option("--index", help="Choose the candidates by this view index, see `library index`."),
+    ] = None,
+    embedding: Embedding = None,
     similarity: Similarity = "aligned",
     renderer: RendererName = "raster",
     align_to: AlignTo = "box",
@@ -76,6 +82,7 @@ def annotate(
         device=device,
         seed=seed,
         candidates=candidates,
+        index=None if index is None else open_index(library, index, embedding, device),
         similarity=similarity,
         renderer=renderer,
         align_to=align_to,

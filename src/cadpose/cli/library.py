@@ -11,7 +11,8 @@ import typer
 
 from cadpose.cli.options import Categories, Json, LibraryFolder
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
-from cadpose.cli.view_index import index, search
+from cadpose.cli.search import search
+from cadpose.cli.view_index import index
 
 #: What was mended in models is told this often: of a large catalogue it would be pages.
 _WARNINGS = 10

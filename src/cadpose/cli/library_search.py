@@ -47,7 +47,6 @@ def library_search(
     from cadpose.evaluation.retrieval_inputs import choose_labels
     from cadpose.evaluation.shape_similarity import THRESHOLD, Shapes
     from cadpose.library.catalogue import Library
-    from cadpose.similarity.index.library_index import likely_rotations
 
     labels = choose_labels(dataset, limit=limit)
     if category:
@@ -62,7 +61,7 @@ def library_search(
 
     def rotations(label: Label, photo: Photo, box: Box) -> Sequence[Rotation]:
         if annotator is not None:
-            return likely_rotations(annotator.estimate_rotation(photo, box, label.category))
+            return opened.likely_rotations(annotator.estimate_rotation(photo, box, label.category))
         return labelled_rotation(label, photo, box) if rotation == "true" else []
 
     with progress_bar("search", len(labels)) as bar:

@@ -9,6 +9,7 @@ import typer
 
 if TYPE_CHECKING:
     from cadpose.pipeline import Annotator
+    from cadpose.similarity.index.library_index import LibraryIndex
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of tables.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
@@ -73,6 +74,7 @@ def make_annotator(
     device: str = "cpu",
     seed: int = 0,
     candidates: int = 10,
+    index: LibraryIndex | None = None,
     similarity: str = "aligned",
     renderer: str = "raster",
     align_to: str = "box",
@@ -87,6 +89,7 @@ def make_annotator(
         device=device,
         seed=seed,
         candidates=candidates,
+        index=index,
         similarity=similarity,
         renderer=renderer,
         align_to=align_to,

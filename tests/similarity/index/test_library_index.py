@@ -7,9 +7,9 @@ import pytest
 from cadpose.errors import InputError, LibraryError
 from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
-from cadpose.records import Rotation, RotationHypothesis
+from cadpose.records import CadModel, Detection, Rotation, RotationHypothesis
 from cadpose.similarity.embedding import ViewEmbedder
-from cadpose.similarity.index.library_index import LibraryIndex, index_folder, likely_rotations
+from cadpose.similarity.index.library_index import LibraryIndex, index_folder
 from tests.similarity.index.made import network
 from tests.small_library import Shot, shoot
 
@@ -71,10 +71,46 @@ def test_an_index_of_another_network_is_refused(index: LibraryIndex, tmp_path: P
         LibraryIndex.open(tmp_path, ViewEmbedder(network()))
 
 
+def test_candidates_are_models_that_can_be_read(
+    index: LibraryIndex, shots: list[Shot], small_library: Library, caplog: pytest.LogCaptureFixture
+) -> None:
+    shot = shots[0]
+    found = Detection(shot.box, "car")
+    guess = [RotationHypothesis(shot.rotation, 1.0, 1.0)]
+    both = index.candidates(small_library, shot.photo, found, guess, 2)
+    assert len(both) == 2 and {cad.category for cad in both} == {"car"}
+    all_of_them = [
+        m.cad for m in index.query(shot.photo.rgb, shot.box, category="car", rotations=[shot.rotation])
+    ]
+    assert [cad.id for cad in both] == all_of_them[:2]
+
+    class Fewer(Library):
+        def get(self, cad_id: str) -> CadModel:
+            if cad_id == both[0].id:
+                raise LibraryError("it has left")
+            return super().get(cad_id)
+
+    left = index.candidates(Fewer(small_library.path), shot.photo, found, guess, 2)
+    assert [cad.id for cad in left] == all_of_them[1:]
+    assert "passed over" in caplog.text
+    with pytest.raises(LibraryError, match="no CAD model of category 'sofa'"):
+        index.candidates(small_library, shot.photo, Detection(shot.box, "sofa"), guess, 2)
+
+
+def test_the_digest_tells_indexes_apart(
+    index: LibraryIndex, small_library: Library, embedder: ViewEmbedder, tmp_path: Path
+) -> None:
+    LibraryIndex.build(small_library, embedder, tmp_path, categories=["car"])
+    cars = LibraryIndex.open(tmp_path, embedder).digest
+    assert cars != index.digest == LibraryIndex.open(index.folder, embedder).digest
+    LibraryIndex.build(small_library, embedder, tmp_path)
+    assert LibraryIndex.open(tmp_path, embedder).digest == index.digest
+
+
 def test_the_rotations_to_search_at() -> None:
     def told(*chances: float) -> list[float]:
         hypotheses = [RotationHypothesis(Rotation(10.0 * i, 0.0), 1.0, p) for i, p in enumerate(chances)]
-        return [r.azimuth for r in likely_rotations(hypotheses)]
+        return [r.azimuth for r in LibraryIndex.likely_rotations(hypotheses)]
 
     assert told(0.95, 0.05) == [0.0]
     assert told(0.6, 0.35, 0.05) == [0.0, 10.0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import logging
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +16,10 @@ from cadpose.encoder import lite0
 from cadpose.errors import InputError, LibraryError
 from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
+from cadpose.library.class_map import category_from_name
+from cadpose.library.storage import sha256_of
 from cadpose.photos import crop_square
-from cadpose.records import Rotation, RotationHypothesis
+from cadpose.records import CadModel, Detection, Photo, Rotation, RotationHypothesis
 from cadpose.similarity.embedding import SIDE, ViewEmbedder
 from cadpose.similarity.index.build import IndexReport, LibrarySource, build_index
 from cadpose.similarity.index.describe import ViewDescriber
@@ -25,10 +29,14 @@ from cadpose.similarity.index.vectors import VectorIndex
 from cadpose.similarity.local_features import BACKGROUND
 from cadpose.similarity.small_maps import SmallMaps, compare, describe_crop
 
+log = logging.getLogger(__name__)
+
 #: What the cosine of the embeddings counts beside the score of the small maps.
 COSINE_WEIGHT = 1.0
 #: Views of a model whose small maps are compared, where the rotation is not known.
 _VIEWS_COMPARED = 4
+#: So many models are ranked again, however few are wanted.
+_TOP = 50
 #: How many rotations a search takes at most, and how probable they are together before it takes no more.
 _MOST_ROTATIONS, _ENOUGH = 3, 0.9
 
@@ -68,7 +76,7 @@ class LibraryIndex:
         self._embedder = embedder
         self._encoder = lite0(device)
         try:
-            told = store.settings
+            told = self._settings = store.settings
             self.grid = ViewGrid(int(told["azimuths"]), tuple(map(float, told["elevations"])))
             made_with = str(told["embedding"])
         except (KeyError, TypeError, ValueError) as error:
@@ -90,6 +98,13 @@ class LibraryIndex:
 
     def __len__(self) -> int:
         return len(self._entries)
+
+    @property
+    def digest(self) -> str:
+        """Changes whenever a model is added, changed or leaves, or views are kept in another way."""
+        told = [json.dumps(self._settings, sort_keys=True)]
+        told += sorted(f"{e.id}\t{e.category}\t{e.sha256}" for e in self._entries)
+        return sha256_of("\n".join(told).encode())
 
     @property
     def categories(self) -> set[str]:
@@ -189,6 +204,62 @@ class LibraryIndex:
             for i in order
         ]
 
+    def candidates(
+        self,
+        library: Library,
+        photo: Photo,
+        detection: Detection,
+        hypotheses: Sequence[RotationHypothesis],
+        count: int,
+    ) -> tuple[CadModel, ...]:
+        """The models of an object's category that look most like it; what cannot be read is passed over.
+
+        Args:
+            library: The library that the index was made of; models that have left it since are left out.
+            photo: The photo.
+            detection: Box and category of the object.
+            hypotheses: How it may be turned, best first.
+            count: How many models at most.
+
+        Raises:
+            InputError: the box lies outside the photo.
+            LibraryError: the index has no model of the category, or none that can be read.
+        """
+        told = detection.category
+        category = told if told in self.categories else category_from_name(told) or told
+        rotations = self.likely_rotations(hypotheses)
+        matches = self.query(
+            photo.rgb, detection.box, category=category, rotations=rotations, top=max(_TOP, count)
+        )
+        kept: list[CadModel] = []
+        for match in matches:
+            if len(kept) == count:
+                break
+            try:
+                cad = library.get(match.cad)
+                library.mesh(cad)
+                kept.append(cad)
+            except LibraryError as error:
+                log.warning("%s is passed over: %s", match.cad, error)
+        if not kept:
+            raise LibraryError(
+                f"The view index {self.folder} has no CAD model of category {category!r} that can be read; "
+                "run `cadpose library index`."
+            )
+        return tuple(kept)
+
+    @staticmethod
+    def likely_rotations(hypotheses: Sequence[RotationHypothesis]) -> list[Rotation]:
+        """The rotations to search at: the first ones, until together they are right nine times in ten."""
+        kept: list[Rotation] = []
+        chance = 0.0
+        for hypothesis in hypotheses[:_MOST_ROTATIONS]:
+            kept.append(hypothesis.rotation)
+            chance += hypothesis.probability
+            if chance >= _ENOUGH:
+                break
+        return kept
+
     def _maps(self, rows: NDArray[np.int64], views: NDArray[np.int64]) -> SmallMaps:
         """The small maps of (K,) models at (K, k) views, K x k of them."""
         cells, aspects = [], []
@@ -198,18 +269,6 @@ class LibraryIndex:
             cells.append(segment.cells[at, wanted])
             aspects.append(segment.aspects[at, wanted])
         return SmallMaps(np.concatenate(cells), np.concatenate(aspects))
-
-
-def likely_rotations(hypotheses: Sequence[RotationHypothesis]) -> list[Rotation]:
-    """The rotations to search at: the first ones, until together they are right nine times in ten."""
-    kept: list[Rotation] = []
-    chance = 0.0
-    for hypothesis in hypotheses[:_MOST_ROTATIONS]:
-        kept.append(hypothesis.rotation)
-        chance += hypothesis.probability
-        if chance >= _ENOUGH:
-            break
-    return kept
 
 
 def index_folder(library: Library) -> Path:
