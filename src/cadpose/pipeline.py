@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,8 @@ from cadpose.records import (
     RotationHypothesis,
     Views,
 )
-from cadpose.similarity.index.library_index import LibraryIndex
+from cadpose.similarity import SimilarityMeasure
+from cadpose.similarity.joint.ranker import JointRanker, JointRanking
 from cadpose.similarity.local_features import BACKGROUND
 from cadpose.similarity.ranking import rank_candidates
 
@@ -96,7 +98,6 @@ class Annotator:
         detector, masks, rotation, similarity, renderer: Names of backends (see
             :mod:`cadpose.backends`) or objects that satisfy the stage's protocol.
         candidates: CAD models compared with each object.
-        index: Chooses them by what the object looks like; the category's representatives if None.
         categories: Library categories to look for; None means all that the library holds.
         align_to: ``"box"`` fits the focal length to the detection box with the middles of box and projected
             rectangle together; ``"paper"`` keeps the principal point at the box's middle as the paper does;
@@ -120,7 +121,6 @@ class Annotator:
         similarity: object = "aligned",
         renderer: object = "raster",
         candidates: int = 10,
-        index: LibraryIndex | None = None,
         categories: Sequence[str] | None = None,
         align_to: str = "box",
         device: str = "cpu",
@@ -134,14 +134,25 @@ class Annotator:
         self.library = library if isinstance(library, Library) else Library.open(_path(library))
         self.categories = tuple(self._known(name) for name in categories or self.library.categories())
         self.candidate_count = candidates
-        self.align_to, self.seed, self.index = align_to, seed, index
-        backends = Backends(device, seed, cache, self.render_framed, self.library.symmetry)
+        self.align_to = align_to
+        self.seed = seed
+        backends = Backends(device, seed, cache, self.render_framed, self.library.symmetry, self.library.mesh)
         self.renderer = backends.renderer(renderer)
         self.detector = backends.detector(detector, self.categories)
         self.masks = backends.masks(masks)
         self.rotation = backends.rotation(rotation, self.renderer.name)
         self.chooser = backends.similarity("aligned")
-        self.similarity = self.chooser if similarity == "aligned" else backends.similarity(similarity)
+        self._backends = backends
+        self.similarity: SimilarityMeasure | JointRanker
+        if similarity == "joint":
+            self.similarity = self.joint
+        else:
+            self.similarity = self.chooser if similarity == "aligned" else backends.similarity(similarity)
+
+    @cached_property
+    def joint(self) -> JointRanker:
+        """What decides CAD model and rotation together, whatever else is chosen."""
+        return self._backends.joint(self.renderer.name)
 
     def annotate(
         self, photo: Photo | NDArray[np.uint8] | Path | str, detections: Sequence[Detection] | None = None
@@ -199,7 +210,13 @@ class Annotator:
         rotations: Sequence[Rotation],
         mask: Mask | None = None,
     ) -> list[Candidate]:
-        """CAD models ranked by similarity at the given rotations, best first."""
+        """CAD models ranked by similarity at the given rotations, best first.
+
+        The joint ranking takes one rotation as it is, and several as guesses, the best first.
+        """
+        if isinstance(self.similarity, JointRanker):
+            guesses = [RotationHypothesis(rotation, 0.0, 1.0) for rotation in rotations]
+            return list(self.rank_jointly(photo, box, cads, guesses, fixed=len(guesses) == 1).candidates)
         return rank_candidates(
             crop_square(photo.rgb, box, SIDE, fill=BACKGROUND),
             None if mask is None else crop_square(mask, box, SIDE),
@@ -210,6 +227,23 @@ class Annotator:
             chooser=self.chooser,
             measure=self.similarity,
         )
+
+    def rank_jointly(
+        self,
+        photo: Photo,
+        box: Box,
+        cads: Sequence[CadModel],
+        hypotheses: Sequence[RotationHypothesis],
+        *,
+        fixed: bool = False,
+    ) -> JointRanking:
+        """CAD models, each at the rotation near a hypothesis at which it is most like the photo.
+
+        ``fixed`` sees all at the first hypothesis.
+        """
+        crop = crop_square(photo.rgb, box, SIDE, fill=BACKGROUND)
+        cached = crop_square(photo.rgb, box, SIDE)
+        return self.joint.rank(crop, cached, box.width / box.height, cads, hypotheses, fixed=fixed)
 
     def render_framed(self, cad: CadModel, R_cv_from_s: FloatArray) -> Views:
         """N views of a model whose longer side fills a 224 px square."""
@@ -266,9 +300,13 @@ class Annotator:
             else:
                 hypotheses = self.estimate_rotation(photo, box, detection.category, cads)
         with clock.time("similarity"):
-            if self.index is not None:
-                cads = self.index.candidates(self.library, photo, detection, hypotheses, self.candidate_count)
-            candidates = self.rank(photo, box, cads, [hypotheses[0].rotation], detection.mask)
+            joint = None
+            if isinstance(self.similarity, JointRanker):
+                joint = self.rank_jointly(photo, box, cads, hypotheses, fixed=detection.rotation is not None)
+                candidates = joint.candidates
+            else:
+                rotation = hypotheses[0].rotation
+                candidates = tuple(self.rank(photo, box, cads, [rotation], detection.mask))
         best = candidates[0]
         with clock.time("alignment"):
             pose, box_iou = self._align(best, box, detection.mask)
@@ -279,12 +317,14 @@ class Annotator:
             photo_size=(photo.width, photo.height),
             detection=detection,
             pose=pose,
-            candidates=tuple(candidates),
+            candidates=candidates,
             hypotheses=tuple(hypotheses),
             box_iou=box_iou,
             mask_iou=overlap,
             seconds=dict(clock.seconds),
             provenance=self._provenance(),
+            none_probability=None if joint is None else joint.none_probability,
+            cad_needs_review=joint is not None and joint.needs_review,
         )
 
     def _align(self, best: Candidate, box: Box, mask: Mask | None) -> tuple[Pose4Dof, float]:
@@ -301,7 +341,7 @@ class Annotator:
     def _mask_iou(self, cad: CadModel, pose: Pose4Dof, box: Box, mask: Mask) -> float:
         """Silhouette IoU on a raster around model and mask: large photos cost no more than small ones."""
         drawn_box = _rectangle(pose, self.library.mesh(cad).hull)
-        frame = _around(box, drawn_box, Box.from_mask(mask)) if mask.any() else _around(box, drawn_box)
+        frame = Box.around(box, drawn_box, Box.from_mask(mask)) if mask.any() else Box.around(box, drawn_box)
         scale = _MASK_SIDE / max(frame.width, frame.height)
         width, height = max(1, round(frame.width * scale)), max(1, round(frame.height * scale))
         cx, cy = pose.principal_px
@@ -332,7 +372,6 @@ class Annotator:
             "renderer": self.renderer.name,
             "align_to": self.align_to,
             "candidates": self.candidate_count,
-            "index": None if self.index is None else self.index.digest,
             "seed": self.seed,
         }
 
@@ -342,13 +381,6 @@ def _rectangle(pose: Pose4Dof, points_s: FloatArray) -> Box:
     pixels = pose.project(points_s)
     (x0, y0), (x1, y1) = pixels.min(axis=0), pixels.max(axis=0)
     return Box(float(x0), float(y0), float(x1), float(y1))
-
-
-def _around(*boxes: Box) -> Box:
-    """The smallest box that holds them all."""
-    corners = np.array([box.to_tuple() for box in boxes])
-    low, high = corners[:, :2].min(axis=0), corners[:, 2:].max(axis=0)
-    return Box(float(low[0]), float(low[1]), float(high[0]), float(high[1]))
 
 
 def _path(value: Path | str | None) -> Path | None:

@@ -312,19 +312,23 @@ class Candidate:
         score: The measure it is ranked by; higher is better.
         rotation: The rotation at which it scored so.
         measures: Every measure that was computed, by name.
+        probability: Chance that it is the object's model, in [0, 1]; None where the ranking tells none.
 
     Raises:
-        ValueError: the score is not finite.
+        ValueError: the score is not finite, or the probability is outside [0, 1].
     """
 
     cad: CadModel
     score: float
     rotation: Rotation
     measures: dict[str, float] = field(default_factory=dict)
+    probability: float | None = None
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.score):
             raise ValueError(f"candidate {self.cad.id}: score {self.score} must be finite")
+        if self.probability is not None and not 0.0 <= self.probability <= 1.0 + 1e-9:
+            raise ValueError(f"candidate {self.cad.id}: probability {self.probability} is outside [0, 1]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,9 +347,13 @@ class Annotation:
         mask_iou: IoU of the rendered silhouette and the mask, None without a mask.
         seconds: Time spent by stage.
         provenance: Names and versions of everything that took part.
+        none_probability: Chance that none of the candidates is the object's model; None where the ranking
+            tells none. With the candidates' probabilities it adds up to 1.
+        cad_needs_review: Whether a person should look before the model is used.
 
     Raises:
-        ValueError: there is no candidate, the photo's size is not positive, or an IoU is outside [0, 1].
+        ValueError: there is no candidate, the photo's size is not positive, or an IoU or the probability is
+            outside [0, 1].
     """
 
     photo_name: str
@@ -359,6 +367,8 @@ class Annotation:
     mask_iou: float | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
+    none_probability: float | None = None
+    cad_needs_review: bool = False
 
     def __post_init__(self) -> None:
         if not self.candidates:
@@ -369,6 +379,8 @@ class Annotation:
             raise ValueError(f"box_iou {self.box_iou} is outside [0, 1]")
         if self.mask_iou is not None and not 0.0 <= self.mask_iou <= 1.0 + 1e-9:
             raise ValueError(f"mask_iou {self.mask_iou} is outside [0, 1]")
+        if self.none_probability is not None and not 0.0 <= self.none_probability <= 1.0 + 1e-9:
+            raise ValueError(f"none_probability {self.none_probability} is outside [0, 1]")
 
     @property
     def cad(self) -> CadModel:
@@ -377,5 +389,10 @@ class Annotation:
 
     @property
     def needs_review(self) -> bool:
-        """Whether a person should look before the rotation is used: what its estimator said of it."""
-        return bool(self.hypotheses) and self.hypotheses[0].needs_review
+        """Whether a person should look before the rotation or the model is used."""
+        return self.cad_needs_review or (bool(self.hypotheses) and self.hypotheses[0].needs_review)
+
+    @property
+    def none_fits(self) -> bool:
+        """Whether the answer is "none of these": the first candidate is then the nearest, not the same."""
+        return self.none_probability is not None and self.none_probability > 0.5

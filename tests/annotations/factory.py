@@ -69,8 +69,8 @@ def make_annotation(photo: Photo, *, box: Box | None = None, **changes: Any) -> 
         "detection": detection,
         "pose": Pose4Dof(rotation, focal_px=2.0 * box.width, principal_px=box.centre),
         "candidates": tuple(
-            Candidate(make_cad(i), 0.9 - i / 10, rotation, {"cosine": 0.9 - i / 10, "sm2": 1.0 / 3.0})
-            for i in range(3)
+            Candidate(make_cad(i), 0.9 - i / 10, rotation, {"cosine": 0.9 - i / 10, "sm2": 1.0 / 3.0}, p)
+            for i, p in enumerate((0.5, 0.125, 0.0625))
         ),
         "hypotheses": (
             RotationHypothesis(rotation, 0.71, 0.6, 24.5, True),
@@ -78,6 +78,8 @@ def make_annotation(photo: Photo, *, box: Box | None = None, **changes: Any) -> 
         ),
         "box_iou": 0.93,
         "mask_iou": 0.81,
+        "none_probability": 0.3125,
+        "cad_needs_review": True,
         "seconds": {"detection": 0.1, "rotation": 1 / 3},
         "provenance": {"cadpose": "0.1.0", "stages": ["embedded", "vote"], "seed": 0, "gpu": None},
     }

@@ -113,6 +113,24 @@ def test_json_says_what_the_docs_say() -> None:
     assert p[:2] / p[2] == pytest.approx(annotation.pose.project(point[None])[0], abs=1e-9)
 
 
+def test_documents_of_earlier_versions_know_no_chance_of_the_model() -> None:
+    document = make_document()
+    data = json.loads(document.to_json())
+    for entry in data["annotations"]:
+        assert [c["probability"] for c in entry["candidates"]] == [0.5, 0.125, 0.0625]
+        assert (entry.pop("none_probability"), entry.pop("cad_needs_review")) == (0.3125, True)
+        for candidate in entry["candidates"]:
+            del candidate["probability"]
+    for old, new in zip(
+        AnnotationDocument.from_json(json.dumps(data)).to_annotations(),
+        document.to_annotations(),
+        strict=True,
+    ):
+        assert {c.probability for c in old.candidates} == {None}
+        assert (old.none_probability, old.none_fits, old.cad_needs_review) == (None, False, False)
+        assert (new.none_probability, new.none_fits, new.cad_needs_review) == (0.3125, False, True)
+
+
 def test_documents_of_earlier_versions_know_no_expected_error() -> None:
     document = make_document()
     data = json.loads(document.to_json())
@@ -123,6 +141,7 @@ def test_documents_of_earlier_versions_know_no_expected_error() -> None:
         )
         for hypothesis in entry["hypotheses"]:
             del hypothesis["expected_error"], hypothesis["needs_review"]
+        entry["cad_needs_review"] = False
     read = AnnotationDocument.from_json(json.dumps(data)).to_annotations()
     assert [[(h.expected_error, h.needs_review) for h in a.hypotheses] for a in read] == [
         [(None, False)] * 2
@@ -204,6 +223,8 @@ edits: dict[str, Edit] = {
         mask={"size": [10**9, 10**9], "counts": [10**18]}
     ),
     "digest": lambda d: d["photo"].update(sha256="../../etc/passwd"),
+    "none's chance": lambda d: d["annotations"][0].update(none_probability=1.1),
+    "chance": lambda d: d["annotations"][0]["candidates"][1].update(probability=-0.1),
     "expected error": lambda d: d["annotations"][0]["hypotheses"][0].update(expected_error=181.0),
     "flag that is none": lambda d: d["annotations"][0]["hypotheses"][0].update(needs_review="no"),
     "huge integer": lambda d: d["annotations"][0].update(box_iou=10**400),

@@ -196,7 +196,9 @@ def test_a_card_tells_how_sure_the_rotation_is() -> None:
         "the rotation was given": (doubtful.detection, (second,)),
     }
     for text, (detection, hypotheses) in cases.items():
-        annotation = make_annotation(photo, detection=detection, hypotheses=hypotheses)
+        annotation = make_annotation(
+            photo, detection=detection, hypotheses=hypotheses, cad_needs_review=False
+        )
         document = document_from(photo, [annotation])
         card, overlay = make_card(photo, document), Image.fromarray(photo.rgb)
         assert_inert(card)
@@ -204,3 +206,21 @@ def test_a_card_tells_how_sure_the_rotation_is() -> None:
         index = index_html([gallery_entry(document, "street.card.html", overlay)])
         flagged = hypotheses[0].needs_review
         assert ("needs review" in Page(card).text, "needs review" in Page(index).text) == (flagged, flagged)
+
+
+def test_a_card_tells_how_sure_the_model_is() -> None:
+    photo = make_photo()
+    first = dataclasses.replace(make_annotation(photo).hypotheses[0], needs_review=False)
+    cases: list[tuple[float | None, bool, str]] = [
+        (0.3125, False, "0.50 to be the object's own, 0.31 that none of these is"),
+        (0.75, True, "none of these; 0.50 to be the object's own, 0.75"),
+        (None, False, ""),
+    ]
+    for none, flagged, told in cases:
+        annotation = make_annotation(
+            photo, hypotheses=(first,), none_probability=none, cad_needs_review=flagged
+        )
+        document = document_from(photo, [annotation])
+        shown = Page(make_card(photo, document)).text
+        assert told in shown and ("Model's chance" in shown) == bool(told)
+        assert ("needs review" in shown) == flagged

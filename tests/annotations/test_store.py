@@ -70,11 +70,17 @@ def test_a_store_of_an_earlier_version_gets_the_columns_it_lacks(tmp_path: Path)
     with Store(url(tmp_path)) as store:
         store.add(make_document("old.jpg"))
     added = ("expected_error", "needs_review")
+    chances = ("cad_probability", "none_probability", "cad_needs_review")
     with sqlite3.connect(path) as connection:
         # As it was made before: neither columns nor keys.
         for name in added:
             connection.execute(f"ALTER TABLE hypotheses DROP COLUMN {name}")
-        gone = ", ".join(f"'$.hypotheses[{i}].{name}'" for i in range(2) for name in added)
+        for name in chances:
+            connection.execute(f"ALTER TABLE annotations DROP COLUMN {name}")
+        connection.execute("ALTER TABLE candidates DROP COLUMN probability")
+        keys = [f"hypotheses[{i}].{name}" for i in range(2) for name in added]
+        keys += [*chances[1:], *(f"candidates[{i}].probability" for i in range(3))]
+        gone = ", ".join(f"'$.{key}'" for key in keys)
         connection.execute(f"UPDATE annotations SET document = json_remove(document, {gone})")
         connection.execute("UPDATE photos SET content_sha256 = 'of the document without them'")
     with Store(url(tmp_path)) as store:
@@ -90,6 +96,10 @@ def test_a_store_of_an_earlier_version_gets_the_columns_it_lacks(tmp_path: Path)
             "SELECT expected_error, needs_review, count(*) FROM hypotheses GROUP BY 1, 2 ORDER BY 1"
         ).fetchall()
         assert rows == [(None, 0, 5), (24.5, 1, 1)]
+        rows = connection.execute(
+            f"SELECT {', '.join(chances)} FROM annotations ORDER BY 1, position"
+        ).fetchall()
+        assert rows == [(None, None, 0)] * 2 + [(0.5, 0.3125, 1)]
         before = "\n".join(connection.iterdump())
     # Once is enough: opening it again changes nothing, and the same photo's new answer replaces the old one.
     with Store(url(tmp_path)) as store, sqlite3.connect(path) as connection:

@@ -16,7 +16,7 @@ from PIL import Image
 
 from cadpose.annotations.document import AnnotationDocument, FailurePart
 from cadpose.annotations.page import data_uri, jpeg_uri, page, text
-from cadpose.annotations.parts import AnnotationPart, HypothesisPart
+from cadpose.annotations.parts import AnnotationPart
 from cadpose.annotations.strip import LIMIT
 from cadpose.annotations.style import colour_of, jpeg_bytes, object_crop, png_bytes, short, view_image
 from cadpose.geometry.boxes import Box
@@ -88,7 +88,7 @@ def index_html(cards: Iterable[GalleryEntry], title: str = "cadpose") -> str:
         parts = entry.document.annotations
         annotated += len(parts)
         models = " · ".join(f"{part.detection.category}: {short(part.cad.name, 40)}" for part in parts)
-        doubtful = any(_flagged(part.hypotheses) for part in parts)
+        doubtful = any(_flagged(part) for part in parts)
         flag = '<span class="flag">needs review</span>' if doubtful else ""
         tiles.append(
             f'<a href="{escape(quote("./" + entry.card), quote=True)}"><figure>'
@@ -124,13 +124,14 @@ def _object(photo: Photo, part: AnnotationPart, views: Views, number: int) -> st
         "Focal length": f"{pose.focal_px:.1f} px at distance {pose.t_z:g}, "
         f"principal point ({pose.principal_px[0]:.1f}, {pose.principal_px[1]:.1f})",
         "Confidence": _confidence(part),
+        "Model's chance": _chance(part),
         "IoU": f"box {part.box_iou:.2f}{mask}",
         "Model": cad.id,
         "Licence": " · ".join(text for text in (cad.licence, cad.creator, cad.source) if text),
         "Time": ", ".join(f"{stage} {spent:.2f} s" for stage, spent in part.seconds.items()),
     }
     rows = "".join(f"<dt>{name}</dt><dd>{text(value)}</dd>" for name, value in facts.items() if value)
-    flag = '<span class="flag">needs review</span>' if _flagged(part.hypotheses) else ""
+    flag = '<span class="flag">needs review</span>' if _flagged(part) else ""
     return (
         f'<section style="--c:rgb({red},{green},{blue})">'
         f"<h2>{text(part.detection.category)} · {text(cad.name)}{flag}</h2>"
@@ -138,8 +139,17 @@ def _object(photo: Photo, part: AnnotationPart, views: Views, number: int) -> st
     )
 
 
-def _flagged(hypotheses: Sequence[HypothesisPart]) -> bool:
-    return bool(hypotheses) and hypotheses[0].needs_review
+def _flagged(part: AnnotationPart) -> bool:
+    return part.cad_needs_review or (bool(part.hypotheses) and part.hypotheses[0].needs_review)
+
+
+def _chance(part: AnnotationPart) -> str:
+    """What the ranking says of its first model; empty where it tells nothing."""
+    first, none = part.candidates[0].probability, part.none_probability
+    if first is None or none is None:
+        return ""
+    told = f"{first:.2f} to be the object's own, {none:.2f} that none of these is"
+    return f"none of these; {told}" if none > 0.5 else told
 
 
 def _confidence(part: AnnotationPart) -> str:

@@ -9,7 +9,17 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    JsonValue,
+    field_validator,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from cadpose.geometry.boxes import Box
 from cadpose.records import (
@@ -37,6 +47,18 @@ class Part(BaseModel):
     """Strict base: unknown keys and numbers that are not finite are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """The schema of what is written now: keys that older documents lack are required too."""
+        schema = handler(core_schema)
+        told = handler.resolve_ref_schema(schema)
+        told["required"] = list(told["properties"])
+        for rule in told["properties"].values():
+            rule.pop("default", None)
+        return schema
 
 
 class PhotoPart(Part):
@@ -203,17 +225,25 @@ class CadPart(Part):
 
 
 class CandidatePart(Part):
-    """A CAD model compared with the photo; rank 1 is the answer, a higher score is better."""
+    """A CAD model compared with the photo; rank 1 is the answer, a higher score is better.
+
+    probability is the chance that it is the object's model; null where the ranking tells none.
+    """
 
     rank: Annotated[int, Field(ge=1)]
     cad: CadPart
     score: float
     rotation: RotationPart
     measures: dict[str, float]
+    # Documents of earlier versions lack it, as they do the two of an annotation. No validator that runs
+    # before can add it: what it returns is no JSON any more, and in strict mode a list is then no tuple.
+    probability: Share | None = None
 
     def record(self) -> Candidate:
         """To the record."""
-        return Candidate(self.cad.record(), self.score, self.rotation.record(), dict(self.measures))
+        return Candidate(
+            self.cad.record(), self.score, self.rotation.record(), dict(self.measures), self.probability
+        )
 
 
 class HypothesisPart(Part):
@@ -254,13 +284,19 @@ class HypothesisPart(Part):
 
 
 class AnnotationPart(Part):
-    """The 4-DoF annotation of one object, with what it was chosen from."""
+    """The 4-DoF annotation of one object, with what it was chosen from.
+
+    none_probability is the chance that none of the candidates is the object's model, null where the ranking
+    tells none; cad_needs_review says that a person should look before the model is used.
+    """
 
     detection: DetectionPart
     pose: PosePart
     cad: CadPart
     candidates: Annotated[tuple[CandidatePart, ...], Field(min_length=1)]
     hypotheses: tuple[HypothesisPart, ...]
+    none_probability: Share | None = None
+    cad_needs_review: bool = False
     box_iou: Share
     mask_iou: Share | None
     seconds: dict[str, float]
@@ -294,10 +330,15 @@ class AnnotationPart(Part):
                     score=float(candidate.score),
                     rotation=RotationPart.of(candidate.rotation),
                     measures={plain_text(name): float(value) for name, value in candidate.measures.items()},
+                    probability=None if candidate.probability is None else float(candidate.probability),
                 )
                 for rank, candidate in enumerate(annotation.candidates, start=1)
             ),
             hypotheses=tuple(HypothesisPart.of(hypothesis) for hypothesis in annotation.hypotheses),
+            none_probability=None
+            if annotation.none_probability is None
+            else float(annotation.none_probability),
+            cad_needs_review=bool(annotation.cad_needs_review),
             box_iou=float(annotation.box_iou),
             mask_iou=None if annotation.mask_iou is None else float(annotation.mask_iou),
             seconds={plain_text(stage): float(spent) for stage, spent in annotation.seconds.items()},
@@ -318,6 +359,8 @@ class AnnotationPart(Part):
             mask_iou=self.mask_iou,
             seconds=dict(self.seconds),
             provenance=plain_json(self.provenance),
+            none_probability=self.none_probability,
+            cad_needs_review=self.cad_needs_review,
         )
 
 

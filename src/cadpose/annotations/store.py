@@ -237,7 +237,8 @@ def _rows(document: AnnotationDocument) -> list[tuple[sa.Table, list[dict[str, A
     }
     annotations, candidates, hypotheses = [], [], []
     for position, (key, part) in enumerate(zip(ids, document.annotations, strict=True)):
-        pose, rows = part.pose, {"annotation_id": key}
+        pose = part.pose
+        rows: dict[str, Any] = {"annotation_id": key}
         annotations.append(
             {
                 "id": key,
@@ -254,6 +255,9 @@ def _rows(document: AnnotationDocument) -> list[tuple[sa.Table, list[dict[str, A
                 "cad_name": part.cad.name,
                 "box_iou": part.box_iou,
                 "mask_iou": part.mask_iou,
+                "cad_probability": part.candidates[0].probability,
+                "none_probability": part.none_probability,
+                "cad_needs_review": part.cad_needs_review,
                 "document": data["annotations"][position],
             }
         )
@@ -267,6 +271,7 @@ def _rows(document: AnnotationDocument) -> list[tuple[sa.Table, list[dict[str, A
                 "score": candidate.score,
                 **_angles(candidate.rotation),
                 "measures": candidate.measures,
+                "probability": candidate.probability,
             }
             for candidate in part.candidates
         ]

@@ -81,6 +81,9 @@ ANNOTATIONS = Table(
     Column("cad_name", Text, nullable=False),
     Column("box_iou", Float(53), nullable=False),
     Column("mask_iou", Float(53)),
+    Column("cad_probability", Float(53)),
+    Column("none_probability", Float(53)),
+    Column("cad_needs_review", Boolean, nullable=False, server_default=false()),
     Column("document", JSON, nullable=False),
     UniqueConstraint("photo_sha256", "position"),
 )
@@ -96,6 +99,7 @@ CANDIDATES = Table(
     Column("score", Float(53), nullable=False),
     *_angles(),
     Column("measures", JSON, nullable=False),
+    Column("probability", Float(53)),
 )
 
 HYPOTHESES = Table(
@@ -111,7 +115,14 @@ HYPOTHESES = Table(
 )
 
 #: Columns that stores made by earlier versions lack: null, or with a default, so that they can be added.
-ADDED_LATER: tuple[Column[Any], ...] = (HYPOTHESES.c.expected_error, HYPOTHESES.c.needs_review)
+ADDED_LATER: tuple[Column[Any], ...] = (
+    HYPOTHESES.c.expected_error,
+    HYPOTHESES.c.needs_review,
+    ANNOTATIONS.c.cad_probability,
+    ANNOTATIONS.c.none_probability,
+    ANNOTATIONS.c.cad_needs_review,
+    CANDIDATES.c.probability,
+)
 
 FAILURES = Table(
     "failures",

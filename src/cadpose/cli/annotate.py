@@ -160,6 +160,9 @@ def _told(outcome: PhotoOutcome) -> dict[str, Any]:
                     "inplane": part.pose.inplane,
                     "focal_px": part.pose.focal_px,
                     **_confidence(part),
+                    "cad_probability": part.candidates[0].probability,
+                    "none_probability": part.none_probability,
+                    "cad_needs_review": part.cad_needs_review,
                     "box": part.detection.box,
                     "box_iou": part.box_iou,
                     "mask_iou": part.mask_iou,
@@ -185,10 +188,21 @@ def _confidence(part: AnnotationPart) -> dict[str, Any]:
     }
 
 
+def _chance(part: AnnotationPart) -> str:
+    """The first model's chance, or that none of the candidates is the object's."""
+    chance, none = part.candidates[0].probability, part.none_probability
+    if chance is None or none is None:
+        return ""
+    if none > 0.5:
+        return f"none fits {none:.2f}"
+    return f"needs review {chance:.2f}" if part.cad_needs_review else f"{chance:.2f}"
+
+
 def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
     columns = [
         "category",
         "CAD model",
+        "chance",
         "azimuth elevation in-plane",
         "probability",
         "focal length",
@@ -216,6 +230,7 @@ def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
                     name,
                     part.detection.category,
                     part.cad.name,
+                    _chance(part),
                     angles,
                     f"needs review {probability}" if sure["needs_review"] else probability,
                     f"{pose.focal_px:.0f} px",

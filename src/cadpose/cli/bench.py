@@ -28,6 +28,7 @@ def bench(
     Without a photo, a render of the library stands in for one. Read ratios, not single times: they were
     taken in one run on this machine.
     """
+    from cadpose.evaluation.bench_ranking import bench_ranking
     from cadpose.evaluation.bench_rendering import bench_renderers
     from cadpose.evaluation.bench_rotation import bench_rotation
     from cadpose.evaluation.bench_stages import STAND_IN_BOX, bench_meshes, bench_stages, stand_in_photo
@@ -37,7 +38,9 @@ def bench(
     annotator = make_annotator(library, device=device, seed=seed)
     pictures = [read_photo(p) for p in find_photos(photos)] if photos else [stand_in_photo(annotator)]
     stages = bench_stages(annotator, pictures, repeats)
-    rotation = bench_rotation(annotator, stand_in_photo(annotator), STAND_IN_BOX, max(repeats, 5))
+    stand_in = stand_in_photo(annotator)
+    rotation = bench_rotation(annotator, stand_in, STAND_IN_BOX, max(repeats, 5))
+    ranking = bench_ranking(annotator, stand_in, STAND_IN_BOX, max(repeats, 5))
     timings = []
     if renderers:
         timings = bench_renderers(
@@ -50,6 +53,7 @@ def bench(
             {
                 "stages": stages,
                 "rotation": rotation,
+                "ranking": ranking,
                 "renderers": [dataclasses.asdict(t) for t in timings],
                 "synth": drawn and dataclasses.asdict(drawn),
             }
@@ -60,12 +64,12 @@ def bench(
     print_table(
         "A photo, by stage", ["stage", "ms a photo", "share"], [*rows, ["all", f"{total:.0f}", "100%"]]
     )
-    whole = rotation["whole"]
-    print_table(
-        "One rotation estimate, one core",
-        ["part", "ms", "share"],
-        [[part, f"{ms:.1f}", f"{ms / whole:.0%}"] for part, ms in rotation.items()],
-    )
+    for title, parts in (("One rotation estimate", rotation), ("One joint ranking", ranking)):
+        print_table(
+            f"{title}, one core",
+            ["part", "ms", "share"],
+            [[part, f"{ms:.1f}", f"{ms / parts['whole']:.0%}"] for part, ms in parts.items()],
+        )
     if timings:
         lines = [
             [t.name, f"{t.ms_per_view:.2f}", f"{t.ratio:.1f} x"]

@@ -39,7 +39,7 @@ def _known_similarity(name: str) -> str:
     from cadpose.encoder import lite0
     from cadpose.similarity.registry import measures
 
-    known = measures(lite0(), 0)
+    known = ("joint", *measures(lite0(), 0))
     if name not in known:
         raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}")
     return name

@@ -46,10 +46,11 @@ def bench_rotation(annotator: Annotator, photo: Photo, box: Box, repeats: int) -
         "templates": lambda: [compare.cosines(one, cads) for _ in both],
         "whole": lambda: estimator.estimate(crop, cads),
     }
-    return {name: _median_ms(work, repeats) for name, work in parts.items()}
+    return {name: median_ms(work, repeats) for name, work in parts.items()}
 
 
-def _median_ms(work: Callable[[], object], repeats: int) -> float:
+def median_ms(work: Callable[[], object], repeats: int) -> float:
+    """Median milliseconds of ``repeats`` runs after one that is not counted."""
     work()
     times = []
     for _ in range(repeats):

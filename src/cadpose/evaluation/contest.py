@@ -20,6 +20,7 @@ from cadpose.records import CadModel, Candidate, Mask, Photo, Rotation, Views
 from cadpose.similarity import SimilarityMeasure
 from cadpose.similarity.aligned import AlignedCosine
 from cadpose.similarity.fused import Fused
+from cadpose.similarity.joint.ranker import JointRanker
 from cadpose.similarity.local_affine import AffineComparison, LocalAffine
 from cadpose.similarity.local_features import BACKGROUND
 from cadpose.similarity.registry import measures as registered
@@ -86,9 +87,24 @@ class Ranker(Protocol):
         ...
 
 
+class Joint:
+    """The default of the pipeline: the estimator's hypotheses, and what they make likely."""
+
+    name = JointRanker.name
+
+    def __init__(self, annotator: Annotator) -> None:
+        self.annotator = annotator
+
+    def rank(self, photo: Photo, box: Box, category: str, candidates: Sequence[CadModel]) -> Ranking:
+        """See :class:`Ranker`."""
+        hypotheses = self.annotator.estimate_rotation(photo, box, category, candidates)
+        found = self.annotator.rank_jointly(photo, box, candidates, hypotheses)
+        return Ranking(found.candidates, found.candidates[0].probability, found.needs_review)
+
+
 #: Rankers by name, beside the measures of `cadpose.similarity.registry`; made for one annotator. Whoever runs
 #: an evaluation from Python adds their own.
-RANKERS: dict[str, Callable[[Annotator], Ranker]] = {}
+RANKERS: dict[str, Callable[[Annotator], Ranker]] = {Joint.name: Joint}
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,13 @@ class Box:
             raise ValueError("an empty mask has no box")
         return cls(float(cols[0]), float(rows[0]), float(cols[-1] + 1), float(rows[-1] + 1))
 
+    @classmethod
+    def around(cls, *boxes: Box) -> Box:
+        """The smallest box that holds all of one or more boxes."""
+        corners = np.array([box.to_tuple() for box in boxes])
+        (x0, y0), (x1, y1) = corners[:, :2].min(axis=0), corners[:, 2:].max(axis=0)
+        return cls(float(x0), float(y0), float(x1), float(y1))
+
     @property
     def width(self) -> float:
         """Width in pixels."""

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from cadpose.encoder import SIDE, Lite0, lite0
+from cadpose.encoder import CHANNELS16, SIDE, Lite0, lite0
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import Mask
 
@@ -66,26 +66,38 @@ class DenseLite0:
         self.sides = sides
         self.encoder = lite0() if encoder is None else encoder
 
-    def describe(self, images: NDArray[np.uint8], masks: Mask | None = None) -> list[Features]:
-        """See :class:`LocalFeatures`; a cell counts as within the mask if half of it is."""
+    def describe(
+        self,
+        images: NDArray[np.uint8],
+        masks: Mask | None = None,
+        *,
+        maps: NDArray[np.float32] | None = None,
+    ) -> list[Features]:
+        """See :class:`LocalFeatures`; a cell counts as within the mask if half of it is.
+
+        ``maps`` are the (N, 112, 14, 14) maps of the images at 224 px where they have been made already.
+        """
         xy: list[list[FloatArray]] = [[] for _ in images]
         descriptors: list[list[NDArray[np.float32]]] = [[] for _ in images]
         for side in self.sides:
-            maps = self.encoder.stride16(resize_squares(images, side)).transpose(0, 2, 3, 1)
-            cells = maps.shape[1]
+            known = maps if side == SIDE else None
+            if known is None:
+                known = self.encoder.stride16(resize_squares(images, side))
+            seen = known.transpose(0, 2, 3, 1)
+            cells = seen.shape[1]
             centres = (np.arange(cells) + 0.5) * (SIDE / cells)
             grid = np.stack(np.meshgrid(centres, centres), axis=-1)
-            keep = np.ones(maps.shape[:3], np.bool_)
+            keep = np.ones(seen.shape[:3], np.bool_)
             if masks is not None:
                 keep = resize_squares((masks * np.uint8(255)).astype(np.uint8), cells) >= 128
             if not keep.any():
                 continue
-            mean = maps[keep].mean(axis=0)
-            for i, (one, inside) in enumerate(zip(maps, keep, strict=True)):
+            mean = seen[keep].mean(axis=0)
+            for i, (one, inside) in enumerate(zip(seen, keep, strict=True)):
                 xy[i].append(grid[inside])
                 descriptors[i].append(unit(one[inside] - mean))
         return [
-            Features(np.concatenate(p), np.concatenate(d)) if p else _none(maps.shape[3])
+            Features(np.concatenate(p), np.concatenate(d)) if p else _none(CHANNELS16)
             for p, d in zip(xy, descriptors, strict=True)
         ]
 

@@ -1,0 +1,1 @@
+"""CAD model and rotation decided together, with a probability for the answer and for "none of these"."""

@@ -1,0 +1,225 @@
+"""Chances: is the first candidate the object's model, and may none of them be?
+
+Two logistic models turn what a ranking saw into the chance that none of the candidates is the object's
+model, and into the chance that the first one is if any is. Both are fitted by
+scripts/fit_cad_confidence.py on synthetic photos of models that no network was trained on, with the true
+model among the candidates and without it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cadpose.errors import DependencyError, InputError
+from cadpose.geometry.frames import FloatArray
+from cadpose.records import Candidate, RotationHypothesis
+from cadpose.similarity.joint.logistic import Logistic
+
+FORMAT = "cadpose.cad-confidence/1"
+#: The shipped one.
+SHIPPED = "cad-confidence.json"
+_MAX_CHARACTERS = 1_000_000
+#: Candidates after the first share what is left by exp(score / temperature).
+_TEMPERATURE = 0.25
+
+#: Names of the evidence, all without a unit. Most compare the first candidate with the others: how alike a
+#: render and a photo are at all depends on the photo, and on what drew the render.
+EVIDENCE = ("margin", "aligned", "inliers", "cached_aligned", "cached_inliers", "rotation", "moved", "many")
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What one ranking saw.
+
+    Attributes:
+        values: (F,) by :data:`EVIDENCE`.
+
+    Raises:
+        ValueError: the shape is another, or a value is not finite.
+    """
+
+    values: FloatArray
+
+    def __post_init__(self) -> None:
+        if self.values.shape != (len(EVIDENCE),) or not np.isfinite(self.values).all():
+            raise ValueError(f"evidence must be {len(EVIDENCE)} finite numbers")
+
+    @classmethod
+    def of(cls, ranked: Sequence[Candidate], hypotheses: Sequence[RotationHypothesis]) -> Evidence:
+        """From candidates with the measures of a joint ranking, best first, and the rotation hypotheses."""
+        first = ranked[0]
+        others = ranked[1:]
+        gap = first.score - others[0].score if others else 0.0
+        away = min(h.rotation.error_to(first.rotation) for h in hypotheses[:1])
+        return cls(
+            np.array(
+                [
+                    np.clip(gap, 0.0, 1.5),
+                    np.clip(_lead(ranked, "aligned"), -0.5, 0.5),
+                    _ratio(ranked, "inliers"),
+                    np.clip(_lead(ranked, "cached-aligned"), -0.3, 0.3),
+                    _ratio(ranked, "cached-inliers"),
+                    min(float(hypotheses[0].probability), 1.0),
+                    min(away, 60.0) / 60.0,
+                    np.log(len(ranked)),
+                ]
+            )
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Chances:
+    """What is told of one ranking; candidates and none add up to 1.
+
+    Attributes:
+        candidates: One a candidate, in their order.
+        none: That none of them is the object's model.
+        needs_review: Whether a person should look before the first one is used.
+    """
+
+    candidates: tuple[float, ...]
+    none: float
+    needs_review: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Confidence:
+    """Both models and the threshold of the review flag.
+
+    Attributes:
+        none: Evidence to the chance that no candidate is the object's model.
+        first: Evidence to the chance that the first one is, if any is.
+        threshold: Answers whose first candidate has a lower chance, if any is the model, need review.
+
+    Raises:
+        ValueError: a model is not of :data:`EVIDENCE`, or the threshold is outside [0, 1].
+    """
+
+    none: Logistic
+    first: Logistic
+    threshold: float
+
+    def __post_init__(self) -> None:
+        if not self.none.names == self.first.names == EVIDENCE:
+            raise ValueError(f"the models must be of {', '.join(EVIDENCE)}")
+        if not 0.0 <= self.threshold <= 1.0:
+            raise ValueError(f"the threshold must lie in [0, 1], got {self.threshold}")
+
+    @classmethod
+    def fit(
+        cls, evidence: ArrayLike, among: ArrayLike, right: ArrayLike, *, target_precision: float
+    ) -> Confidence:
+        """Fit to rankings whose truth is known.
+
+        Args:
+            evidence: (N, F).
+            among: (N,) bool, whether the true model was a candidate.
+            right: (N,) bool, whether the first candidate was the true model.
+            target_precision: The threshold keeps as many of the rankings with the true model among the
+                candidates as it can while this share of the kept ones is right.
+
+        Raises:
+            ValueError: shapes do not fit together, or no ranking had the true model, or none lacked it.
+        """
+        X, had, hit = np.asarray(evidence, float), np.asarray(among, bool), np.asarray(right, bool)
+        if X.ndim != 2 or had.shape != (len(X),) or hit.shape != (len(X),):
+            raise ValueError(f"evidence {X.shape}, among {had.shape} and right {hit.shape} do not fit")
+        if not had.any() or had.all() or (hit & ~had).any():
+            raise ValueError("some rankings must have the true model, some not, and those cannot be right")
+        none = Logistic.fit(X, ~had, EVIDENCE)
+        first = Logistic.fit(X[had], hit[had], EVIDENCE)
+        return cls(none, first, _threshold(first.probability(X[had]), hit[had], target_precision))
+
+    @classmethod
+    def shipped(cls) -> Confidence:
+        """The one that comes with cadpose.
+
+        Raises:
+            DependencyError: it is missing or of another version.
+        """
+        kept = Path(str(files("cadpose") / "data" / SHIPPED))
+        try:
+            return cls.from_json(kept.read_text(encoding="utf-8"), kept.name)
+        except (OSError, UnicodeDecodeError, InputError) as error:
+            raise DependencyError(f"{kept} is missing or damaged ({error}): reinstall cadpose") from None
+
+    def chances(self, evidence: Evidence, scores: Sequence[float]) -> Chances:
+        """The chances of candidates with these scores, best first.
+
+        Raises:
+            ValueError: there is no candidate.
+        """
+        if not scores:
+            raise ValueError("chances need a candidate")
+        none = float(self.none.probability(evidence.values))
+        first = float(self.first.probability(evidence.values)) if len(scores) > 1 else 1.0
+        lag = (np.array(scores[1:], float) - max(scores[1:], default=0.0)) / _TEMPERATURE
+        shares = np.exp(lag)
+        rest = (1.0 - none) * (1.0 - first) * shares / shares.sum() if len(shares) else shares
+        return Chances(
+            ((1.0 - none) * first, *(float(p) for p in rest)),
+            none,
+            bool(first < self.threshold or none > 0.5),
+        )
+
+    def to_json(self) -> str:
+        """Indented JSON, newline at the end; `from_json` gives the same numbers back exactly."""
+        value = {
+            "format": FORMAT,
+            "threshold": float(self.threshold),
+            "none": self.none.to_json(),
+            "first": self.first.to_json(),
+        }
+        return json.dumps(value, indent=1, allow_nan=False) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str, name: str = "the file") -> Confidence:
+        """Read what `to_json` wrote.
+
+        Raises:
+            InputError: it is none of this format; ``name`` says what to call it.
+        """
+        try:
+            if len(text) > _MAX_CHARACTERS:
+                raise ValueError(f"longer than {_MAX_CHARACTERS} characters")
+            value: Any = json.loads(text)
+            if value["format"] != FORMAT:
+                raise ValueError(f"not of the format {FORMAT}")
+            return cls(
+                Logistic.from_json(value["none"]),
+                Logistic.from_json(value["first"]),
+                float(value["threshold"]),
+            )
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
+            what = f"it has no {error}" if isinstance(error, KeyError) else error
+            raise InputError(f"{name} is no CAD confidence ({what}), fit it again") from None
+
+
+def _lead(ranked: Sequence[Candidate], measure: str) -> float:
+    """By how much the first is ahead of the best other; 0 where no other was measured so."""
+    others = [c.measures[measure] for c in ranked[1:] if measure in c.measures]
+    return ranked[0].measures[measure] - max(others) if others else 0.0
+
+
+def _ratio(ranked: Sequence[Candidate], measure: str) -> float:
+    """The logarithm of the first's count over the best other's, within ±2; 0 where there is no other."""
+    others = [c.measures[measure] for c in ranked[1:] if measure in c.measures]
+    if not others:
+        return 0.0
+    return float(np.clip(np.log((ranked[0].measures[measure] + 1.0) / (max(others) + 1.0)), -2.0, 2.0))
+
+
+def _threshold(p: FloatArray, right: NDArray[np.bool_], target: float) -> float:
+    """Lowest probability that keeps a share ``target`` of right answers above it; 1 if none does."""
+    order = np.argsort(-p, kind="stable")
+    precision = np.cumsum(right[order]) / np.arange(1, len(p) + 1)
+    good = np.flatnonzero(precision >= target - 1e-12)
+    return float(p[order[good[-1]]]) if len(good) else 1.0
