@@ -41,6 +41,7 @@ from cadpose.records import (
     Views,
 )
 from cadpose.similarity import SimilarityMeasure
+from cadpose.similarity.index.library_index import LibraryIndex
 from cadpose.similarity.joint.ranker import JointRanker, JointRanking
 from cadpose.similarity.local_features import BACKGROUND
 from cadpose.similarity.ranking import rank_candidates
@@ -98,6 +99,7 @@ class Annotator:
         detector, masks, rotation, similarity, renderer: Names of backends (see
             :mod:`cadpose.backends`) or objects that satisfy the stage's protocol.
         candidates: CAD models compared with each object.
+        index: Chooses them by what the object looks like; the category's representatives if None.
         categories: Library categories to look for; None means all that the library holds.
         align_to: ``"box"`` fits the focal length to the detection box with the middles of box and projected
             rectangle together; ``"paper"`` keeps the principal point at the box's middle as the paper does;
@@ -121,6 +123,7 @@ class Annotator:
         similarity: object = "aligned",
         renderer: object = "raster",
         candidates: int = 10,
+        index: LibraryIndex | None = None,
         categories: Sequence[str] | None = None,
         align_to: str = "box",
         device: str = "cpu",
@@ -134,8 +137,7 @@ class Annotator:
         self.library = library if isinstance(library, Library) else Library.open(_path(library))
         self.categories = tuple(self._known(name) for name in categories or self.library.categories())
         self.candidate_count = candidates
-        self.align_to = align_to
-        self.seed = seed
+        self.align_to, self.seed, self.index = align_to, seed, index
         backends = Backends(device, seed, cache, self.render_framed, self.library.symmetry, self.library.mesh)
         self.renderer = backends.renderer(renderer)
         self.detector = backends.detector(detector, self.categories)
@@ -300,6 +302,8 @@ class Annotator:
             else:
                 hypotheses = self.estimate_rotation(photo, box, detection.category, cads)
         with clock.time("similarity"):
+            if self.index is not None:
+                cads = self.index.candidates(self.library, photo, detection, hypotheses, self.candidate_count)
             joint = None
             if isinstance(self.similarity, JointRanker):
                 joint = self.rank_jointly(photo, box, cads, hypotheses, fixed=detection.rotation is not None)
@@ -372,6 +376,7 @@ class Annotator:
             "renderer": self.renderer.name,
             "align_to": self.align_to,
             "candidates": self.candidate_count,
+            "index": None if self.index is None else self.index.digest,
             "seed": self.seed,
         }
 

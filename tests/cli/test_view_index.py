@@ -81,11 +81,13 @@ def test_annotating_with_candidates_of_the_index(
         *made,
         "--candidates",
         1,
+        "--similarity",
+        "aligned",
         "--out",
         tmp_path / "out",
         "--json",
     )
     (told,) = said(cadpose(*arguments))
-    found = said(cadpose("library", "search", photo, *given(shot), *made, "--json"))["found"]
+    found = said(cadpose("library", "search", photo, *given(shot), *made, "--draw", 0, "--json"))["found"]
     (annotation,) = told["annotations"]
     assert annotation["cad"] == found[0]["cad"]

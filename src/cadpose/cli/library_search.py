@@ -9,7 +9,7 @@ import typer
 
 from cadpose.cli.options import Categories, Device, Json, LibraryFolder, Seed, make_annotator
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
-from cadpose.cli.view_index import Embedding, IndexFolder, open_index
+from cadpose.cli.view_index import Draw, Embedding, IndexFolder, open_drawn, open_index
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +32,7 @@ def library_search(
     rerank: Annotated[
         bool, typer.Option("--rerank/--no-rerank", help="Rank what is found by its small maps too.")
     ] = True,
+    draw: Draw = 10,
     embedding: Embedding = None,
     index: IndexFolder = None,
     library: LibraryFolder = None,
@@ -72,6 +73,8 @@ def library_search(
             Shapes(catalogue, seed),
             rotations,
             rerank=rerank,
+            drawn=open_drawn(library, device) if draw else None,
+            draw=draw,
             done=lambda: bar.advance(bar.tasks[0].id),
         )
     for outcome in outcomes:

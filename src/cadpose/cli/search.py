@@ -9,7 +9,7 @@ import typer
 
 from cadpose.cli.options import Device, Json, LibraryFolder, Seed, make_annotator
 from cadpose.cli.output import print_json, print_table
-from cadpose.cli.view_index import Embedding, IndexFolder, open_index
+from cadpose.cli.view_index import Draw, Embedding, IndexFolder, open_drawn, open_index
 
 
 def search(
@@ -30,6 +30,7 @@ def search(
     rerank: Annotated[
         bool, typer.Option("--rerank/--no-rerank", help="Rank them by their small maps too.")
     ] = True,
+    draw: Draw = 10,
     embedding: Embedding = None,
     index: IndexFolder = None,
     library: LibraryFolder = None,
@@ -62,6 +63,8 @@ def search(
             annotator = make_annotator(library, device=device, seed=seed)
             rotations = opened.likely_rotations(annotator.estimate_rotation(picture, parsed, name))
     found = opened.query(picture.rgb, parsed, category=name, rotations=rotations, top=top, rerank=rerank)
+    if draw:
+        found = open_drawn(library, device).rank(found, picture.rgb, parsed, rotations, draw)
     if json:
         print_json(
             {

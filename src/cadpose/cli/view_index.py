@@ -13,6 +13,7 @@ from cadpose.cli.options import Categories, Device, Json, LibraryFolder
 from cadpose.cli.output import complain, print_json, progress_bar
 
 if TYPE_CHECKING:
+    from cadpose.similarity.index.drawn import DrawnRanking
     from cadpose.similarity.index.library_index import LibraryIndex
 
 IndexFolder = Annotated[
@@ -23,6 +24,24 @@ Embedding = Annotated[
     Path | None,
     typer.Option("--embedding", help="ONNX file that embeds views; $CADPOSE_EMBEDDING or the shipped one."),
 ]
+
+
+Draw = Annotated[
+    int,
+    typer.Option(
+        "--draw", min=0, help="Draw the best so many at the rotation, where it is known, and rank them again."
+    ),
+]
+
+
+def open_drawn(library: Path | None, device: str) -> DrawnRanking:
+    """What draws the best that an index finds."""
+    from cadpose.library.catalogue import Library
+    from cadpose.similarity.index.drawn import DrawnRanking
+
+    catalogue = Library.open(library)
+    catalogue.cache_size = 128
+    return DrawnRanking(catalogue, os.cpu_count() or 1, device)
 
 
 def open_index(library: Path | None, index: Path | None, embedding: Path | None, device: str) -> LibraryIndex:

@@ -14,6 +14,7 @@ from cadpose.evaluation.shape_similarity import Shapes
 from cadpose.evaluation.statistics import wilson_interval
 from cadpose.geometry.boxes import Box
 from cadpose.records import Photo, Rotation
+from cadpose.similarity.index.drawn import DRAWN, DrawnRanking
 from cadpose.similarity.index.library_index import LibraryIndex
 
 #: Places that are counted.
@@ -56,6 +57,8 @@ def search_labels(
     rotations: Callable[[Label, Photo, Box], Sequence[Rotation]],
     *,
     rerank: bool = True,
+    drawn: DrawnRanking | None = None,
+    draw: int = DRAWN,
     done: Callable[[], None] = lambda: None,
 ) -> list[SearchOutcome]:
     """Look for the object of every label among all models of its category.
@@ -67,6 +70,8 @@ def search_labels(
         shapes: Compares the answer with the true model.
         rotations: How the object may be turned.
         rerank: Rank by small maps too.
+        drawn: Draws the best few and ranks them once more; left out if None.
+        draw: How many are drawn.
         done: Called after each photo.
 
     Raises:
@@ -75,7 +80,7 @@ def search_labels(
     outcomes = []
     for label in labels:
         try:
-            outcomes.append(_outcome(label, index, models, shapes, rotations, rerank))
+            outcomes.append(_outcome(label, index, models, shapes, rotations, rerank, drawn, draw))
         except DependencyError:
             raise
         except CadposeError as error:
@@ -91,19 +96,24 @@ def _outcome(
     shapes: Shapes,
     rotations: Callable[[Label, Photo, Box], Sequence[Rotation]],
     rerank: bool,
+    drawn: DrawnRanking | None,
+    draw: int,
 ) -> SearchOutcome:
     photo, box = object_in_photo(label)
     true, others = str(label.cad), models(label.category)
+    turned = rotations(label, photo, box)
     matches = index.query(
         photo.rgb,
         box,
         category=label.category,
-        rotations=rotations(label, photo, box),
+        rotations=turned,
         top=PLACES[-1],
         rerank=rerank,
     )
     if not matches:
         return SearchOutcome(label, reason=f"the view index has no model of category {label.category!r}")
+    if drawn is not None:
+        matches = drawn.rank(matches, photo.rgb, box, turned, draw)
     answer = shapes.similarity(matches[0].cad, true)
     chance = [shapes.similarity(cad, true) for cad in others]
     return SearchOutcome(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cadpose.encoder import CHANNELS16, Lite0
 from cadpose.geometry.frames import FloatArray
-from cadpose.records import Views
+from cadpose.records import Mask, Views
 from cadpose.similarity.aligned import ASPECT_WEIGHT, PRIOR_RENDERS, mask_aspect
 from cadpose.similarity.local_features import BACKGROUND, unit
 
@@ -31,8 +31,6 @@ CELLS = SIDE // 16
 CHANNELS = 24
 #: int8 steps a standard deviation of a channel.
 _STEPS = 30.0
-#: A cell of the render may meet the photo's cells so many cells away: kept views are some degrees off.
-_TOLERANCE = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,13 +107,15 @@ def describe_crop(crop: NDArray[np.uint8], encoder: Lite0) -> NDArray[np.float32
     return np.asarray(_projected(encoder.stride16(crop[None]))[0])
 
 
-def compare(photo: NDArray[np.float32], renders: SmallMaps, aspect: float) -> FloatArray:
+def compare(photo: NDArray[np.float32], renders: SmallMaps, aspect: float, tolerance: int = 1) -> FloatArray:
     """Scores of one crop against all renders that compete for it.
 
     Args:
         photo: (7, 7, 24) map of the crop.
         renders: N views, one or more a model.
         aspect: Width / height of the photo's box.
+        tolerance: A cell of the render may meet the photo's cells so many cells away: kept views are some
+            degrees off. 0 for renders at the photo's own rotation.
 
     Returns:
         (N,) scores, at most 1, comparable within one call only: what all renders have in common at a cell is
@@ -131,7 +131,7 @@ def compare(photo: NDArray[np.float32], renders: SmallMaps, aspect: float) -> Fl
     everywhere = maps.mean(axis=(0, 1, 2))
     mean = (maps.sum(axis=0) + np.float32(PRIOR_RENDERS) * everywhere) / np.float32(len(maps) + PRIOR_RENDERS)
     templates = unit(maps - mean)
-    t = _TOLERANCE
+    t = tolerance
     query = np.zeros((CELLS + 2 * t, CELLS + 2 * t, CHANNELS), np.float32)
     query[t : CELLS + t, t : CELLS + t] = unit(photo - mean)
     best = np.full(templates.shape[:3], -1.0, np.float32)
@@ -143,6 +143,24 @@ def compare(photo: NDArray[np.float32], renders: SmallMaps, aspect: float) -> Fl
     total = (best * cover).sum(axis=(1, 2), dtype=np.float64)
     scores = np.where(weight > 0, total / np.maximum(weight, 1e-9), -1.0)
     return np.asarray(scores - ASPECT_WEIGHT * np.abs(np.log(aspect / renders.aspect)), np.float64)
+
+
+class SmallAligned:
+    """A :class:`cadpose.similarity.SimilarityMeasure` of 112 px squares, see :func:`compare`."""
+
+    name = "lite0-small"
+
+    def __init__(self, encoder: Lite0) -> None:
+        self.encoder = encoder
+
+    def score(
+        self, crop: NDArray[np.uint8], mask: Mask | None, views: Views, *, aspect: float | None = None
+    ) -> FloatArray:
+        """(N,) scores; the mask only gives the box's aspect where that is None."""
+        if aspect is None:
+            aspect = 1.0 if mask is None else mask_aspect(mask)
+        photo = describe_crop(crop, self.encoder)
+        return compare(photo, describe_views(views, self.encoder), aspect, tolerance=0)
 
 
 def _projected(maps: NDArray[np.float32]) -> NDArray[np.float32]:
