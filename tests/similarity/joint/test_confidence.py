@@ -34,18 +34,26 @@ def evidence(*scores: float) -> dict[str, float]:
 
 def test_evidence_compares_the_first_with_the_others() -> None:
     clear, close = evidence(1.5, 0.6, 0.5, 0.4), evidence(1.5, 1.45, 0.5, 0.4)
-    assert clear["margin"] == pytest.approx(0.9) and close["margin"] == pytest.approx(0.05)
-    assert clear["inliers"] == pytest.approx(np.log(136 / 55))
+    # Two others were drawn; a usual spread counts as a third.
+    spread = np.sqrt((2 * 0.05**2 + 0.12**2) / 3)
+    assert clear["margin"] == 8.0 and evidence(1.0, 0.6, 0.5)["margin"] == pytest.approx(0.4 / spread)
+    assert close["margin"] == pytest.approx(0.05 / np.sqrt((2 * 0.475**2 + 0.12**2) / 3))
     for name in ("margin", "aligned", "inliers", "cached_aligned", "cached_inliers"):
         assert clear[name] > close[name] > 0.0
-    assert clear["rotation"] == 0.8
+    assert clear["agree"] == 4.0 and clear["rotation"] == 0.8
     assert clear["moved"] == pytest.approx(0.1)
-    assert clear["many"] == pytest.approx(np.log(4))
+
+
+def test_a_measure_may_put_another_first() -> None:
+    ranked = candidates(1.5, 1.4, 0.5)
+    ranked[1].measures["inliers"] = 500.0
+    told = dict(zip(EVIDENCE, Evidence.of(ranked, GUESSES).values, strict=True))
+    assert told["inliers"] < 0.0 < told["aligned"] and told["agree"] == 3.0
 
 
 def test_one_candidate_leads_nobody() -> None:
     alone = evidence(1.5)
-    assert [alone[n] for n in ("margin", "aligned", "inliers", "cached_aligned", "many")] == [0.0] * 5
+    assert [alone[n] for n in EVIDENCE[:5]] == [0.0] * 5
 
 
 def test_evidence_must_be_finite() -> None:

@@ -27,12 +27,31 @@ FORMAT = "cadpose.cad-confidence/1"
 #: The shipped one.
 SHIPPED = "cad-confidence.json"
 _MAX_CHARACTERS = 1_000_000
+#: Strength of the penalty: the evidence is much alike, and weights shall not play it off against itself.
+_L2 = 10.0
 #: Candidates after the first share what is left by exp(score / temperature).
 _TEMPERATURE = 0.25
 
-#: Names of the evidence, all without a unit. Most compare the first candidate with the others: how alike a
-#: render and a photo are at all depends on the photo, and on what drew the render.
-EVIDENCE = ("margin", "aligned", "inliers", "cached_aligned", "cached_inliers", "rotation", "moved", "many")
+#: A measure's usual spread among candidates that are not the object's model. Few candidates say little about
+#: it, so that it counts as if one more had been there.
+_SPREADS = {"score": 0.12, "aligned": 0.07, "cached-aligned": 0.06, "inliers": 5.0, "cached-inliers": 3.5}
+#: Leads of so many spreads behind or ahead say all that they can.
+_LEAST_LEAD, _MOST_LEAD = -4.0, 8.0
+
+#: Names of the evidence. The first five tell by how many spreads of the others the first candidate is ahead
+#: of the best of them: how alike a render and a photo are at all, and how far apart candidates lie, depends
+#: on the photo and on what drew it. Then how many of the four measures put it first, the rotation's
+#: probability, and how far it is from the estimator's first, in sixty degrees.
+EVIDENCE = (
+    "margin",
+    "aligned",
+    "cached_aligned",
+    "inliers",
+    "cached_inliers",
+    "agree",
+    "rotation",
+    "moved",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,24 +74,11 @@ class Evidence:
     @classmethod
     def of(cls, ranked: Sequence[Candidate], hypotheses: Sequence[RotationHypothesis]) -> Evidence:
         """From candidates with the measures of a joint ranking, best first, and the rotation hypotheses."""
-        first = ranked[0]
-        others = ranked[1:]
-        gap = first.score - others[0].score if others else 0.0
-        away = min(h.rotation.error_to(first.rotation) for h in hypotheses[:1])
-        return cls(
-            np.array(
-                [
-                    np.clip(gap, 0.0, 1.5),
-                    np.clip(_lead(ranked, "aligned"), -0.5, 0.5),
-                    _ratio(ranked, "inliers"),
-                    np.clip(_lead(ranked, "cached-aligned"), -0.3, 0.3),
-                    _ratio(ranked, "cached-inliers"),
-                    min(float(hypotheses[0].probability), 1.0),
-                    min(away, 60.0) / 60.0,
-                    np.log(len(ranked)),
-                ]
-            )
-        )
+        leads = [_lead(ranked, measure) for measure in _SPREADS]
+        agree = sum(lead >= 0.0 for lead in leads[1:])
+        away = hypotheses[0].rotation.error_to(ranked[0].rotation)
+        probability = min(float(hypotheses[0].probability), 1.0)
+        return cls(np.array([*leads, float(agree), probability, min(away, 60.0) / 60.0]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,8 +140,8 @@ class Confidence:
             raise ValueError(f"evidence {X.shape}, among {had.shape} and right {hit.shape} do not fit")
         if not had.any() or had.all() or (hit & ~had).any():
             raise ValueError("some rankings must have the true model, some not, and those cannot be right")
-        none = Logistic.fit(X, ~had, EVIDENCE)
-        first = Logistic.fit(X[had], hit[had], EVIDENCE)
+        none = Logistic.fit(X, ~had, EVIDENCE, l2=_L2)
+        first = Logistic.fit(X[had], hit[had], EVIDENCE, l2=_L2)
         return cls(none, first, _threshold(first.probability(X[had]), hit[had], target_precision))
 
     @classmethod
@@ -204,17 +210,18 @@ class Confidence:
 
 
 def _lead(ranked: Sequence[Candidate], measure: str) -> float:
-    """By how much the first is ahead of the best other; 0 where no other was measured so."""
-    others = [c.measures[measure] for c in ranked[1:] if measure in c.measures]
-    return ranked[0].measures[measure] - max(others) if others else 0.0
+    """By how many spreads of the others the first is ahead of the best of them; 0 where there is no other.
 
-
-def _ratio(ranked: Sequence[Candidate], measure: str) -> float:
-    """The logarithm of the first's count over the best other's, within ±2; 0 where there is no other."""
-    others = [c.measures[measure] for c in ranked[1:] if measure in c.measures]
-    if not others:
+    Only those that were drawn have a score that compares.
+    """
+    told = [c for c in ranked if (measure if measure != "score" else "aligned") in c.measures]
+    values = np.array([c.score if measure == "score" else c.measures[measure] for c in told])
+    first, others = values[0], values[1:]
+    if not len(others):
         return 0.0
-    return float(np.clip(np.log((ranked[0].measures[measure] + 1.0) / (max(others) + 1.0)), -2.0, 2.0))
+    usual = _SPREADS[measure]
+    spread = np.sqrt((np.sum((others - others.mean()) ** 2) + usual**2) / (len(others) + 1.0))
+    return float(np.clip((first - others.max()) / spread, _LEAST_LEAD, _MOST_LEAD))
 
 
 def _threshold(p: FloatArray, right: NDArray[np.bool_], target: float) -> float:
