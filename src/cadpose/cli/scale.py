@@ -87,13 +87,14 @@ def scale(
         )
     print_table(
         "The index",
-        ["models", "MB", "built in s", "models/s", "opened in s", "most GB of memory"],
+        ["models", "MB", "built in s", "models/s", "CPU ms a model", "opened in s", "most GB of memory"],
         [
             [
                 str(row.models),
                 f"{row.megabytes:.0f}",
                 f"{row.build_seconds:.0f}",
                 f"{row.models_per_second:.1f}",
+                f"{row.cpu_ms_a_model:.0f}",
                 f"{row.open_seconds:.1f}",
                 f"{row.peak_rss_gb:.2f}",
             ]

@@ -59,6 +59,7 @@ class ScaleRow:
         build_seconds: To make it from nothing, summed over the runs that it took; what a killed run had not
             yet committed is left out.
         models_per_second: Over the same time.
+        cpu_ms_a_model: Time of all cores; unlike the rate it hardly depends on what else runs.
         open_seconds: From disk until it can be asked.
         peak_rss_gb: Most memory of this process so far.
         filtered: Queries with category and rotation.
@@ -69,6 +70,7 @@ class ScaleRow:
     megabytes: float
     build_seconds: float
     models_per_second: float
+    cpu_ms_a_model: float
     open_seconds: float
     peak_rss_gb: float
     filtered: QueryFigures
@@ -139,14 +141,15 @@ def _build(
     most: int,
     progress: Callable[[int, int], None],
 ) -> None:
-    last = time.perf_counter()
+    last, last_cpu = time.perf_counter(), time.process_time()
 
     def committed(models: int) -> None:
-        nonlocal last
-        now = time.perf_counter()
+        nonlocal last, last_cpu
+        now, cpu = time.perf_counter(), time.process_time()
+        told = {"models": models, "seconds": now - last, "cpu": cpu - last_cpu}
         with (out / BUILT).open("a", encoding="ascii") as file:
-            file.write(json.dumps({"models": models, "seconds": now - last}) + "\n")
-        last = now
+            file.write(json.dumps(told) + "\n")
+        last, last_cpu = now, cpu
 
     report = build_index(
         out / INDEX,
@@ -167,12 +170,13 @@ def _measure(out: Path, size: int, asked: Sequence[_Query], network: bytes, devi
     if len(index) != size:
         raise InputError(f"{out / INDEX} holds {len(index)} models, not {size}: name another folder")
     built = [json.loads(line) for line in (out / BUILT).read_text(encoding="ascii").splitlines()]
-    seconds = sum(part["seconds"] for part in built)
+    models, seconds, cpu = (sum(part[key] for part in built) for key in ("models", "seconds", "cpu"))
     return ScaleRow(
         models=size,
         megabytes=sum(path.stat().st_size for path in (out / INDEX).iterdir()) / 1e6,
         build_seconds=seconds,
-        models_per_second=sum(part["models"] for part in built) / seconds,
+        models_per_second=models / seconds,
+        cpu_ms_a_model=1000.0 * cpu / models,
         open_seconds=opened,
         filtered=_figures(index, asked, network, True),
         unfiltered=_figures(index, asked, network, False),
