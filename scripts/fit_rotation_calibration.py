@@ -24,7 +24,7 @@ from cadpose.photos import crop_square
 from cadpose.pipeline import Annotator
 from cadpose.rotation.calibration import WITHIN, Calibration
 from cadpose.rotation.embedded import FEATURES, EmbeddedRotation
-from cadpose.training.lite.sources import head_options, sources
+from cadpose.training.lite.sources import sources
 from cadpose.training.synth.options import SynthOptions
 
 #: Precision that answers without a flag are to have on these photos. Drawn objects are harder to tell than
@@ -51,7 +51,7 @@ def main() -> None:
     parser.add_argument("--photos", type=int, default=640)
     parser.add_argument("--first", type=int, default=0, help="number of the first photo")
     told = parser.parse_args()
-    unseen = sources(Library.open(told.library), told.backgrounds, head_options, 0).unseen
+    unseen = sources(Library.open(told.library), told.backgrounds).unseen
     if unseen is None:
         parser.error(f"{told.library} has no held-out model")
     annotator = Annotator()

@@ -122,7 +122,11 @@ def test_a_head_from_a_library(
     assert table.exit_code == 0 and "macro30" in table.stdout and "head.pt" in table.stdout
     onnx = ["--out", tmp_path / "a.onnx"]
     one_sentence(cadpose("train", "export", out / "head.pt", "--arch", "lite0-head", *onnx), "--head")
-    one_sentence(cadpose("train", "export", tmp_path / "c.pt", "--arch", "lite0", *onnx), "--head")
+    one_sentence(cadpose("train", "export", tmp_path / "c.pt", "--arch", "lite0", *onnx), "c.pt")
+    same = ["--embedding", tmp_path / "a.onnx"]
+    one_sentence(cadpose("train", "export", "c.pt", "--arch", "lite0", *onnx, *same), "two files")
+    posed = cadpose("train", "export", "posecontrast-pascal3d", "--embedding", "e.onnx", *onnx)
+    one_sentence(posed, "e.onnx")
     missing = cadpose(
         "train", "export", tmp_path / "c.pt", "--arch", "lite0", "--head", out / "head.pt", *onnx
     )

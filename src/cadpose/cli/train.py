@@ -202,15 +202,21 @@ def export(
         list[Path] | None,
         typer.Option("--head", help="head.pt of lite0-head, a further member of lite0; again for more."),
     ] = None,
+    embedding: Annotated[
+        Path | None, typer.Option("--embedding", help="lite0: ONNX file to write the view embedder to.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Export a trained checkpoint, yours or its authors', as ONNX."""
     from cadpose.errors import InputError
     from cadpose.training.architectures import architecture
 
-    if os.path.realpath(out) in {os.path.realpath(path) for path in (weights, *(head or ()))}:
-        raise InputError(f"{out} is the checkpoint and would be written over: choose another --out")
-    difference = architecture(arch).export(weights, out, head or ())
+    for path in (out,) if embedding is None else (out, embedding):
+        if os.path.realpath(path) in {os.path.realpath(given) for given in (weights, *(head or ()))}:
+            raise InputError(f"{path} is the checkpoint and would be written over: name another file")
+    if embedding is not None and os.path.realpath(embedding) == os.path.realpath(out):
+        raise InputError(f"{out} is named for both networks: name two files")
+    difference = architecture(arch).export(weights, out, head or (), embedding)
     if json:
         print_json({"network": str(out), "export_difference": difference})
     else:

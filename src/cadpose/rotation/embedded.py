@@ -36,7 +36,7 @@ _TRIPLES = 40
 #: Cosines of the vote are divided by this before they are added to the log probability, where the best of
 #: them is _USUAL_LIKENESS. The vote counts the more, by the square, the more a template is like the photo:
 #: a model that is nearly the object's own knows its rotation, models that are not like it know little.
-_VOTE_TEMPERATURE = 0.02
+_VOTE_TEMPERATURE = 0.045
 _USUAL_LIKENESS = 0.3
 _LEAST_LIKENESS = 0.05
 #: Weight of the log probability beside the vote.

@@ -129,7 +129,8 @@ def peaks(scores: FloatArray, count: int) -> list[RotationHypothesis]:
 def between_grid_points(scores: FloatArray, best: int) -> FloatArray:
     """(3, 3) rotation of the peak at grid point ``best``: its neighbours, averaged by their (N,) scores."""
     near = np.flatnonzero(grid_distances()[best] <= _PEAK_RADIUS)
-    weights = np.exp((scores[near] - scores[best]) / _PEAK_TEMPERATURE)
+    # Less the largest: a caller's peak need not be the highest of its neighbours.
+    weights = np.exp((scores[near] - scores[near].max()) / _PEAK_TEMPERATURE)
     mean = np.einsum("n,nij->ij", weights / weights.sum(), grid_rotations()[near])
     U, _, Vt = np.linalg.svd(mean)
     # Of rotations so near to one another the nearest orthogonal matrix is a rotation, as near as they are.

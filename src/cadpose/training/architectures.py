@@ -98,10 +98,13 @@ class Architecture(Protocol):
         """Train by the options."""
         ...
 
-    def export(self, weights: str, path: Path, heads: Sequence[Path] = ()) -> float | None:
+    def export(
+        self, weights: str, path: Path, heads: Sequence[Path] = (), embedding: Path | None = None
+    ) -> float | None:
         """Write the network of a checkpoint, a path or a known name, as ONNX; the largest difference.
 
-        ``heads`` are further members where the network has some. None where the exporter compares by itself.
+        ``heads`` are further members where the network has some, ``embedding`` is a second file where it
+        embeds views too. None where the exporter compares by itself.
         """
         ...
 

@@ -43,6 +43,8 @@ def shard(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_number_of_parameters() -> None:
     counts = [sum(p.numel() for p in MapHead(["a"] * n).parameters()) for n in (2, 3)]
     assert counts == [1_691_240, 1_691_240 + 32]
+    wide = sum(p.numel() for p in MapHead(["a"] * 2, wide=True).parameters())
+    assert counts[0] < wide < 3_000_000
 
 
 def test_it_learns_a_small_set_by_heart(shard: Path) -> None:
@@ -84,9 +86,10 @@ def test_nothing_to_learn_from(tmp_path: Path) -> None:
         train_head([tmp_path / "a.npz"], CATEGORIES, RECIPE)
 
 
-def test_weights_round_trip(tmp_path: Path) -> None:
+@pytest.mark.parametrize("wide", [False, True])
+def test_weights_round_trip(tmp_path: Path, wide: bool) -> None:
     torch.manual_seed(1)
-    head = MapHead(CATEGORIES).eval()
+    head = MapHead(CATEGORIES, wide).eval()
     save_head(head, tmp_path / "head.pt")
     again = load_head(tmp_path / "head.pt")
     data = made_maps(2)
@@ -94,7 +97,11 @@ def test_weights_round_trip(tmp_path: Path) -> None:
     with torch.no_grad():
         one, two = head(*inputs), again(*inputs)
     assert all(torch.equal(a, b) for a, b in zip(one[0] + one[1], two[0] + two[1], strict=True))
-    assert again.categories == CATEGORIES and [p.name for p in tmp_path.iterdir()] == ["head.pt"]
+    assert (
+        again.categories == CATEGORIES
+        and again.wide is wide
+        and [p.name for p in tmp_path.iterdir()] == ["head.pt"]
+    )
     (tmp_path / "head.pt").write_bytes(b"PK")
     with pytest.raises(InputError, match="holds no head"):
         load_head(tmp_path / "head.pt")

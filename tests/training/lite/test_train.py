@@ -7,18 +7,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import onnxruntime
 import pytest
 import torch
 
 from cadpose.errors import CadposeError, InputError
 from cadpose.library.catalogue import Library
+from cadpose.similarity.embedding import ViewEmbedder
 from cadpose.training.architectures import TrainingOptions, TrainingReport
 from cadpose.training.lite import lite0, lite0_head, maps, sources, train
 from cadpose.training.lite.head import MapHead, load_head, save_head
 from cadpose.training.lite.maps import Maps
 from cadpose.training.lite.network import LitePose
-from cadpose.training.lite.train import CHECKPOINT, Recipe, trained_network
+from cadpose.training.lite.networks import EmbeddedNetworks
+from cadpose.training.lite.train import CHECKPOINT, Recipe, trained_networks
 from tests.training.lite.made import CATEGORIES, source_of
 
 TINY: dict[str, Any] = {"fresh": 2, "buffer": 24, "warmup": 1, "validate_every": 2, "workers": 0}
@@ -85,7 +88,7 @@ def test_stage_one(small_library: Library, held_out: str, tmp_path: Path) -> Non
     assert [row["step"] for row in report.epochs] == [2]
     assert report.validation is not None and set(report.validation["classes"]) == {"car"}
     assert json.loads(report.curves.read_text().splitlines()[-1])["unseen"] is True
-    network = trained_network(report.network)
+    network = trained_networks(report.network)
     assert network.categories == CATEGORIES and not network.training
     state = torch.load(report.network, weights_only=True)
     averaged = {k.removeprefix("module."): v for k, v in state["average"].items()}
@@ -95,8 +98,7 @@ def test_stage_one(small_library: Library, held_out: str, tmp_path: Path) -> Non
     with pytest.raises(InputError, match="other drawn, recipe"):
         go(resume=True, seed=1)
     assert go(resume=True).epochs == report.epochs
-    with pytest.raises(InputError, match="more members"):
-        lite0.export(str(report.network), tmp_path / "a.onnx")
+    assert {"tuned30", "head30", "match1"} <= set(json.loads(report.curves.read_text().splitlines()[-1]))
 
 
 def test_a_resumed_training_fills_its_buffer_anew_and_no_more(
@@ -104,11 +106,11 @@ def test_a_resumed_training_fills_its_buffer_anew_and_no_more(
 ) -> None:
     pytest.importorskip("efficientnet_lite_pytorch", reason="needs cadpose[train]")
 
-    class Random(LitePose):
+    class Random(EmbeddedNetworks):
         def __init__(self, categories: Any, backbone: str) -> None:
             super().__init__(categories, backbone, pretrained=False)
 
-    monkeypatch.setattr(train, "LitePose", Random)
+    monkeypatch.setattr(train, "EmbeddedNetworks", Random)
     source = source_of(small_library)
     told: dict[str, Any] = {
         "batch": 2,
@@ -151,27 +153,35 @@ def test_a_resumed_training_fills_its_buffer_anew_and_no_more(
 def test_all_members_in_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("onnx", reason="needs cadpose[train]")
     pytest.importorskip("efficientnet_lite_pytorch", reason="needs cadpose[train]")
-    tuned = LitePose(CATEGORIES, pretrained=False).eval()
+    networks = EmbeddedNetworks(CATEGORIES, pretrained=False).eval()
     one, two, three = (tmp_path / name for name in ("c.pt", "h.pt", "g.pt"))
     one.write_bytes(b"stands for a checkpoint")
     save_head(MapHead(CATEGORIES), two)
-    monkeypatch.setattr(lite0, "trained_network", lambda path: tuned)
+    monkeypatch.setattr(lite0, "trained_networks", lambda path: networks)
     save_head(MapHead(CATEGORIES), three)
-    lite0.export(str(one), tmp_path / "n.onnx", [two, three])
+    lite0.export(str(one), tmp_path / "n.onnx", [two, three], tmp_path / "e.onnx")
     session = onnxruntime.InferenceSession(str(tmp_path / "n.onnx"), providers=["CPUExecutionProvider"])
-    assert [o.shape[1:] for o in session.get_outputs()[:2]] == [[3, 24], [3, 12]]
+    assert [o.shape[1:] for o in session.get_outputs()[:2]] == [[4, 24], [4, 12]]
     told = session.get_modelmeta().custom_metadata_map
     assert json.loads(told["categories"]) == list(CATEGORIES)
+    images = np.random.default_rng(0).integers(0, 256, (3, 112, 112, 3), np.uint8)
+    found = ViewEmbedder(tmp_path / "e.onnx").embed(images)
+    with torch.no_grad():
+        expected = networks.embedder((torch.from_numpy(images).permute(0, 3, 1, 2).float() - 127.0) / 128.0)
+    np.testing.assert_allclose(found, expected.numpy(), atol=0.02)
+    lite0.export(str(one), tmp_path / "p.onnx")
     save_head(MapHead(["car"]), two)
     with pytest.raises(InputError, match="different categories"):
         lite0.export(str(one), tmp_path / "m.onnx", [three, two])
     assert not (tmp_path / "m.onnx").exists()
+    with pytest.raises(InputError, match=r"there is no file .*none\.pt"):
+        lite0.export(str(tmp_path / "none.pt"), tmp_path / "m.onnx")
 
 
 def test_a_file_that_is_no_checkpoint(tmp_path: Path) -> None:
     (tmp_path / "a.pt").write_bytes(b"none")
     with pytest.raises(CadposeError, match=r"a\.pt is no checkpoint"):
-        trained_network(tmp_path / "a.pt")
+        trained_networks(tmp_path / "a.pt")
 
 
 def test_stage_two(small_library: Library, held_out: str, tmp_path: Path) -> None:

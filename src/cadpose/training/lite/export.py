@@ -1,9 +1,10 @@
-"""The trained members as one ONNX file: half precision on disk, single precision when it runs."""
+"""The trained networks as ONNX files: half precision on disk, single precision when they run."""
 
 from __future__ import annotations
 
 import io
 import json
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from cadpose.encoder import SIDE
 from cadpose.errors import DependencyError
 from cadpose.library.storage import write_atomic
 from cadpose.rotation.features import LEVELS
+from cadpose.training.lite.embedder import SIDE as EMBEDDED_SIDE
+from cadpose.training.lite.embedder import Embedder
 from cadpose.training.lite.head import MapHead
 from cadpose.training.lite.network import LitePose, normalised
 
@@ -48,10 +51,6 @@ def export(tuned: LitePose, heads: Sequence[MapHead], path: Path, told: dict[str
         DependencyError: ``onnx`` is not installed.
         ValueError: the members know different categories, or the file answers differently from them.
     """
-    try:
-        import onnx
-    except ImportError as error:
-        raise DependencyError("the export needs onnx: pip install 'cadpose[train]'") from error
     if any(tuned.categories != head.categories for head in heads):
         raise ValueError("the members were trained on different categories")
     whole = Members(tuned, heads).eval()
@@ -60,27 +59,70 @@ def export(tuned: LitePose, heads: Sequence[MapHead], path: Path, told: dict[str
         *(torch.randint(-60, 60, (2, level.cells, level.channels), dtype=torch.int8) for level in LEVELS),
         torch.eye(len(tuned.categories))[:2],
     )
-    with torch.no_grad():
-        reference = whole(*example)
-    data = io.BytesIO()
-    torch.onnx.export(
+    _write(
         whole,
-        example,
-        data,  # type: ignore[arg-type]
-        input_names=list(INPUTS),
-        output_names=list(OUTPUTS),
-        dynamic_axes={name: {0: "n"} for name in (*INPUTS, *OUTPUTS)},
-        opset_version=17,
-        dynamo=False,
+        dict(zip(INPUTS, example, strict=True)),
+        OUTPUTS,
+        path,
+        {"categories": json.dumps(tuned.categories), **(told or {})},
     )
+
+
+def export_embedder(embedder: Embedder, path: Path) -> None:
+    """Write the embedder to ``path``: ``images`` (N, 112, 112, 3) uint8 RGB to ``embedding`` (N, 128).
+
+    Raises:
+        DependencyError: ``onnx`` is not installed.
+        ValueError: the file answers differently from the network.
+    """
+    example = torch.randint(0, 256, (2, EMBEDDED_SIDE, EMBEDDED_SIDE, 3), dtype=torch.uint8)
+    _write(_OfPixels(embedder).eval(), {"images": example}, ("embedding",), path, {})
+
+
+class _OfPixels(nn.Module):
+    def __init__(self, embedder: Embedder) -> None:
+        super().__init__()
+        self.embedder = embedder
+
+    def forward(self, images: Tensor) -> tuple[Tensor]:
+        return (self.embedder(normalised(images.permute(0, 3, 1, 2).to(torch.float32))),)
+
+
+def _write(
+    network: nn.Module,
+    inputs: dict[str, Tensor],
+    outputs: Sequence[str],
+    path: Path,
+    told: dict[str, str],
+) -> None:
+    try:
+        import onnx
+    except ImportError as error:
+        raise DependencyError("the export needs onnx: pip install 'cadpose[train]'") from error
+    with torch.no_grad():
+        reference = network(*inputs.values())
+    data = io.BytesIO()
+    with warnings.catch_warnings():
+        # PyTorch's older exporter is meant, see docs/dependencies.md.
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            network,
+            tuple(inputs.values()),
+            data,  # type: ignore[arg-type]
+            input_names=list(inputs),
+            output_names=list(outputs),
+            dynamic_axes={name: {0: "n"} for name in (*inputs, *outputs)},
+            opset_version=17,
+            dynamo=False,
+        )
     model = onnx.load_from_string(data.getvalue())
     _halve(model)
-    for key, value in {"categories": json.dumps(tuned.categories), **(told or {})}.items():
+    for key, value in told.items():
         entry = model.metadata_props.add()
         entry.key, entry.value = key, value
     onnx.checker.check_model(model)
     blob = model.SerializeToString()
-    _same(blob, dict(zip(INPUTS, example, strict=True)), reference)
+    _same(blob, inputs, outputs, reference)
     write_atomic(path, blob)
 
 
@@ -101,12 +143,14 @@ def _halve(model: Any) -> None:
     model.graph.node.extend(nodes)
 
 
-def _same(blob: bytes, inputs: dict[str, Tensor], reference: tuple[Tensor, ...]) -> None:
+def _same(
+    blob: bytes, inputs: dict[str, Tensor], outputs: Sequence[str], reference: tuple[Tensor, ...]
+) -> None:
     import onnxruntime
 
     session = onnxruntime.InferenceSession(blob, providers=["CPUExecutionProvider"])
-    answers = session.run(list(OUTPUTS), {name: value.numpy() for name, value in inputs.items()})
-    for name, answer, expected in zip(OUTPUTS, answers, reference, strict=True):
+    answers = session.run(list(outputs), {name: value.numpy() for name, value in inputs.items()})
+    for name, answer, expected in zip(outputs, answers, reference, strict=True):
         apart = float(np.abs(answer - expected.numpy()).max())
         # Half precision keeps three digits.
         if apart > 0.05 * max(1.0, float(expected.abs().max())):

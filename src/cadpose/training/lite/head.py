@@ -36,21 +36,23 @@ class MapHead(nn.Module):
 
     Args:
         categories: Names in the order of the category input.
+        wide: More channels and one more layer: for a GPU, and more photos than a CPU draws.
     """
 
-    def __init__(self, categories: Sequence[str]) -> None:
+    def __init__(self, categories: Sequence[str], wide: bool = False) -> None:
         super().__init__()
-        self.categories = tuple(categories)
+        self.categories, self.wide = tuple(categories), wide
         fine, coarse = LEVELS
-        self.fine = nn.Sequential(
-            _conv(fine.channels, 96, 1), nn.Dropout2d(0.05), _conv(96, 128, 3, stride=2)
-        )
+        a, b, both, place = (128, 192, 224, 48) if wide else (96, 128, 160, 40)
+        self.fine = nn.Sequential(_conv(fine.channels, a, 1), nn.Dropout2d(0.05), _conv(a, b, 3, stride=2))
         self.coarse = nn.Sequential(_conv(coarse.channels, 128, 1), nn.Dropout2d(0.05))
-        self.both = nn.Sequential(_conv(256, 160, 1), _conv(160, 160, 3))
-        self.place = _conv(160, 40, 1)
+        self.both = nn.Sequential(
+            _conv(b + 128, both, 1), *(_conv(both, both, 3) for _ in range(2 if wide else 1))
+        )
+        self.place = _conv(both, place, 1)
         self.category = nn.Linear(len(self.categories), 32)
         self.compress = nn.Sequential(
-            nn.Linear(160 + 40 * coarse.cells + 32, 512), nn.BatchNorm1d(512), nn.ReLU(), nn.Dropout(0.2),
+            nn.Linear(both + place * coarse.cells + 32, 512), nn.BatchNorm1d(512), nn.ReLU(), nn.Dropout(0.2),
             nn.Linear(512, 256), nn.BatchNorm1d(256), nn.ReLU(),
         )  # fmt: skip
         self.heads = nn.ModuleList([nn.Linear(256, 2 * bins) for bins in BINS])
@@ -61,8 +63,8 @@ class MapHead(nn.Module):
         """Logits, offsets and features.
 
         Args:
-            fine: (N, 196, 112) int8 cells of the stride-16 map, see ``rotation.features.describe``.
-            coarse: (N, 49, 192) int8 cells of the stride-32 map.
+            fine: (N, 196, 112) cells of the stride-16 map in int8 steps, see ``rotation.features.describe``.
+            coarse: (N, 49, 192) cells of the stride-32 map.
             category: (N, C) one-hot; zeros for an unknown category.
         """
         maps = [
@@ -296,7 +298,9 @@ def head_errors(model: nn.Module, unseen: Maps, batch: int = 256) -> tuple[Tenso
 def save_head(model: MapHead, path: Path) -> None:
     """Write the weights; :func:`load_head` reads them."""
     data = io.BytesIO()
-    torch.save({"categories": json.dumps(model.categories), "state": model.state_dict()}, data)
+    torch.save(
+        {"categories": json.dumps(model.categories), "wide": model.wide, "state": model.state_dict()}, data
+    )
     write_atomic(path, data.getvalue())
 
 
@@ -308,7 +312,7 @@ def load_head(path: Path) -> MapHead:
     """
     try:
         told = torch.load(path, map_location="cpu", weights_only=True)
-        model = MapHead(json.loads(told["categories"]))
+        model = MapHead(json.loads(told["categories"]), bool(told.get("wide", False)))
         model.load_state_dict(told["state"])
     except Exception as error:  # a damaged archive raises nearly anything
         raise InputError(f"{path} holds no head ({error})") from error

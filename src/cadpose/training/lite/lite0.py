@@ -1,9 +1,8 @@
-"""Stage one of the embedded network: EfficientNet-Lite0 fine-tuned on synthetic photos, end to end."""
+"""The embedded network: EfficientNet-Lite0 fine-tuned end to end, and a head on the frozen one beside it."""
 
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,12 +13,12 @@ from cadpose.training.architectures import OnStep, TrainingOptions, TrainingRepo
 from cadpose.training.devices import torch_device
 from cadpose.training.lite.curves import Curves, Row, unseen_rows
 from cadpose.training.lite.folder import begin
-from cadpose.training.lite.sources import UNSEEN_PHOTOS, lite0_options, sources
-from cadpose.training.lite.train import CHECKPOINT, Recipe, plain, trained_network
+from cadpose.training.lite.sources import UNSEEN_PHOTOS, sources
+from cadpose.training.lite.train import CHECKPOINT, Recipe, plain, trained_networks
 from cadpose.training.lite.train import train as fine_tune
 
-#: Objects kept for learning: a photo takes 0.2 MB, and a GPU has memory to spare.
-_BUFFER = {"cuda": 60_000, "cpu": 8_000}
+#: Objects kept for learning: an object takes 0.23 MB, and a GPU has memory to spare.
+_BUFFER = {"cuda": 120_000, "cpu": 8_000}
 _MEASURED = ("acc30", "acc10", "mederr", "macro30")
 
 
@@ -49,7 +48,7 @@ def train(
     numbers = {"steps": options.steps, "batch": options.batch_size}
     chosen = {k: v for k, v in numbers.items() if v is not None}
     how = Recipe(seed=options.seed, **{**told, **chosen, **recipe})
-    drawn = sources(Library.open(options.library), options.backgrounds, lite0_options, options.seed)
+    drawn = sources(Library.open(options.library), options.backgrounds, options.seed)
     settings = {"architecture": backbone, **drawn.to_json(), "recipe": plain(how)}
     begin(options.out, settings, options.resume)
     fine_tune(
@@ -70,35 +69,34 @@ def train(
     return TrainingReport(checkpoint, checkpoint, curves.path, rows, last, None)
 
 
-def export(weights: str, path: Path, heads: Sequence[Path] = ()) -> None:
+def export(weights: str, path: Path, heads: Sequence[Path] = (), embedding: Path | None = None) -> None:
     """Write all members of the embedded network as one ONNX file, compared with torch's answers.
 
     Args:
-        weights: Checkpoint of stage one.
+        weights: Checkpoint.
         path: ONNX file to write.
-        heads: ``head.pt`` of one or more trainings of stage two.
+        heads: ``head.pt`` of trainings of ``lite0-head``, further members.
+        embedding: ONNX file to write the embedder to, None to leave it out.
 
     Raises:
-        InputError: a member is missing, or they know different categories.
+        InputError: a file is missing, or the members know different categories.
         CadposeError: a file holds something else.
         DependencyError: a package is not installed.
     """
     from cadpose.training.lite.export import export as export_all
+    from cadpose.training.lite.export import export_embedder
     from cadpose.training.lite.head import load_head
 
-    if not heads:
-        raise InputError("the embedded network has more members: name the head.pt of lite0-head with --head")
     for file in (Path(weights), *heads):
         if not file.is_file():
             raise InputError(f"there is no file {file}")
-    tuned, others = trained_network(Path(weights)), [load_head(head) for head in heads]
+    networks, others = trained_networks(Path(weights)), [load_head(head) for head in heads]
     for head, other in zip(heads, others, strict=True):
-        if tuned.categories != other.categories:
+        if networks.categories != other.categories:
             raise InputError(f"{weights} and {head} were trained on different categories")
-    with warnings.catch_warnings():
-        # PyTorch's older exporter is meant, see docs/dependencies.md.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        export_all(tuned, others, path)
+    export_all(networks.tuned, [networks.head, *others], path)
+    if embedding is not None:
+        export_embedder(networks.embedder, embedding)
 
 
 def told_of(rows: list[Row]) -> tuple[list[Row], dict[str, Any] | None]:

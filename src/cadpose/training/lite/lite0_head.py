@@ -18,7 +18,7 @@ from cadpose.training.lite.folder import begin
 from cadpose.training.lite.head import CHECKPOINT, HeadRecipe, save_head, train_head
 from cadpose.training.lite.lite0 import told_of
 from cadpose.training.lite.maps import SHARD, Maps, draw_shards
-from cadpose.training.lite.sources import UNSEEN_PHOTOS, head_options, sources
+from cadpose.training.lite.sources import UNSEEN_PHOTOS, sources
 
 HEAD = "head.pt"
 #: Photos to learn from; each gives two crops of every object in it.
@@ -52,7 +52,7 @@ def train(
     torch_device(options.device)
     numbers = {"epochs": options.epochs, "batch": options.batch_size}
     how = HeadRecipe(seed=options.seed, **{**{k: v for k, v in numbers.items() if v is not None}, **recipe})
-    drawn = sources(Library.open(options.library), options.backgrounds, head_options, options.seed)
+    drawn = sources(Library.open(options.library), options.backgrounds, options.seed)
     shards = _shards(options.photos or PHOTOS)
     unseen_shards = _shards(unseen_photos or UNSEEN_PHOTOS) if drawn.unseen else range(0)
     settings = {
@@ -108,14 +108,14 @@ def train(
     return TrainingReport(network, options.out / CHECKPOINT, curves.path, rows, last, None)
 
 
-def export(weights: str, path: Path, heads: Sequence[Path] = ()) -> None:
+def export(weights: str, path: Path, heads: Sequence[Path] = (), embedding: Path | None = None) -> None:
     """All members are exported together, by stage one.
 
     Raises:
         InputError: always; it tells how.
     """
     raise InputError(
-        "a head is exported with the network of stage one: "
+        "a head is exported with the network that it is a further member of: "
         f"cadpose train export CHECKPOINT --arch lite0 --head {weights} --out {path}"
     )
 

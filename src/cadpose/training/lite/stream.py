@@ -12,7 +12,9 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
+from cadpose.geometry.angles import rotation_from_angles
 from cadpose.library.catalogue import Library
+from cadpose.training.lite.embedder import SIDE
 from cadpose.training.lite.objective import MOST_TURNS
 from cadpose.training.synth.backdrops import Backdrops
 from cadpose.training.synth.generator import SynthGenerator
@@ -23,6 +25,9 @@ from cadpose.training.synth.records import SynthObject
 _CHUNK = 4
 #: Objects of which less is seen, or that are smaller, are not learned from.
 _LEAST_VISIBLE, _LEAST_SIDE = 0.5, 40.0
+#: Beside the numbers that the generator seeds with.
+_RENDERS = 2
+_NO_RENDER = np.empty((3, 0, 0), np.uint8)
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,8 @@ class Objects:
         angles: (M, 3) float32 azimuth, elevation, in-plane rotation.
         turns: (M,) int64 number of azimuths that look the same, 0 for a body of revolution.
         category: (M,) int64.
+        renders: (M, 3, 112, 112) uint8 plain views of the same models, turned nearly as in the photos.
+        models: (M,) int64 numbers of the models in their source.
     """
 
     photos: Tensor
@@ -78,13 +85,18 @@ class Objects:
     angles: Tensor
     turns: Tensor
     category: Tensor
+    renders: Tensor
+    models: Tensor
 
     def __len__(self) -> int:
         return len(self.turns)
 
     def fields(self) -> tuple[Tensor, ...]:
         """All tensors, in the order of the attributes."""
-        return (self.photos, self.boxes, self.visible_boxes, self.angles, self.turns, self.category)
+        return (
+            self.photos, self.boxes, self.visible_boxes, self.angles, self.turns, self.category,
+            self.renders, self.models,
+        )  # fmt: skip
 
     def pin_memory(self) -> Objects:
         """The same in memory that a GPU copies from directly."""
@@ -122,22 +134,39 @@ class ObjectStream(IterableDataset[Objects]):
         end = None if self.photos is None else self.first + self.photos
         while end is None or at < end:
             stop = at + self.chunk if end is None else min(at + self.chunk, end)
-            found = objects(generator, range(at, stop), self.source.categories, self.main_only)
+            found = objects(generator, range(at, stop), self.source, self.main_only)
             if found is not None:
                 yield found
             at += workers * self.chunk
 
 
 def objects(
-    generator: SynthGenerator, indices: Sequence[int], categories: Sequence[str], main_only: bool = False
+    generator: SynthGenerator,
+    indices: Sequence[int],
+    source: Source,
+    main_only: bool = False,
+    plain: bool = True,
 ) -> Objects | None:
-    """The objects of some photos that are worth learning from, None if there is none."""
-    number = {name: i for i, name in enumerate(categories)}
+    """The objects of some photos that are worth learning from, None if there is none.
+
+    Args:
+        generator: Draws the photos.
+        indices: Their numbers.
+        source: What ``generator`` was made of.
+        main_only: Leave out the objects beside the main one.
+        plain: Draw the plain views too; without they are of no pixels.
+    """
+    number = {name: i for i, name in enumerate(source.categories)}
+    model = {name: i for i, name in enumerate(source.models)}
     rows: list[tuple[np.ndarray, SynthObject]] = []
+    renders = []
     for i in indices:
         photo = generator.photo(i)
         picture = np.ascontiguousarray(photo.rgb.transpose(2, 0, 1))
-        rows += [(picture, o) for o in photo.objects[: 1 if main_only else None] if _worth(o)]
+        worth = [o for o in photo.objects[: 1 if main_only else None] if _worth(o)]
+        rows += [(picture, o) for o in worth]
+        rng = np.random.default_rng((source.seed, _RENDERS, i))
+        renders += [_render(generator, o, rng) if plain else _NO_RENDER for o in worth]
     if not rows:
         return None
     return Objects(
@@ -150,7 +179,19 @@ def objects(
         ),
         turns=torch.tensor([turns_of(o) for _, o in rows]),
         category=torch.tensor([number[o.category] for _, o in rows]),
+        renders=torch.from_numpy(np.stack(renders)),
+        models=torch.tensor([model[o.cad] for _, o in rows]),
     )
+
+
+def _render(generator: SynthGenerator, o: SynthObject, rng: np.random.Generator) -> np.ndarray:
+    """(3, 112, 112) uint8: the model as it is, upright, turned up to half the steps of an index's views."""
+    azimuth, elevation = (
+        o.rotation.azimuth + rng.uniform(-24, 24),
+        o.rotation.elevation + rng.uniform(-14, 14),
+    )
+    R = rotation_from_angles(azimuth, float(np.clip(elevation, -20.0, 85.0)))
+    return np.ascontiguousarray(generator.plain(o.cad, R, SIDE).transpose(2, 0, 1))
 
 
 def turns_of(found: SynthObject) -> int:
@@ -165,6 +206,9 @@ def _worth(o: SynthObject) -> bool:
 
 def loader(stream: ObjectStream, workers: int, pin: bool = False) -> Iterator[Objects]:
     """Chunks in order, drawn by that many processes, or here if there are none."""
+    if workers:
+        # A forked process would wait for ever for OpenCV's threads, which stay behind.
+        cv2.setNumThreads(1)
     return iter(
         DataLoader(
             stream,

@@ -12,7 +12,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,20 +23,32 @@ from torch.optim.swa_utils import AveragedModel
 
 from cadpose.errors import CadposeError
 from cadpose.library.storage import write_atomic
-from cadpose.training.lite.augment import Augmentation, crops
+from cadpose.training.lite.augment import GENTLE, Augmentation, crops
 from cadpose.training.lite.average import moving_average
 from cadpose.training.lite.curves import Curves
-from cadpose.training.lite.network import LitePose, normalised
+from cadpose.training.lite.embedder import SIDE, RenderQueue, matching_loss
+from cadpose.training.lite.frozen import FrozenEncoder
+from cadpose.training.lite.network import normalised
+from cadpose.training.lite.networks import (
+    Answer,
+    EmbeddedNetworks,
+    embedding_share,
+    rotation_errors,
+    shrunk,
+)
 from cadpose.training.lite.objective import Targets, contrast, pose_loss
 from cadpose.training.lite.stream import Objects, ObjectStream, Source, loader
-from cadpose.training.lite.validate import errors, summary
+from cadpose.training.lite.validate import summary
 
 CHECKPOINT = "checkpoint.pt"
+_UNSEEN_BATCH = 96
+#: What a GPU computes in. cuDNN has its depthwise convolutions ready for these and compiles bfloat16's.
+GPU_PRECISION, GPU_LAYOUT = torch.float16, torch.channels_last
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How to train.
+    """How to train; unless told, as the shipped networks were trained.
 
     Attributes:
         steps: Optimiser steps.
@@ -53,25 +65,25 @@ class Recipe:
         seed: Of weights, batches and crops; the photos have their own in ``Source``.
         workers: Processes that draw photos.
         validate_every: Steps between looks at unseen models.
-        augmentation: Crops.
+        augmentations: Of the two crops: one as an ordinary photo has it, one with all flaws.
         seconds: Stop by then, the learning rate falling by the clock; None trains all steps.
     """
 
-    steps: int = 20_000
+    steps: int = 2148
     batch: int = 256
-    fresh: int = 128
-    buffer: int = 60_000
-    rate: float = 2e-3
+    fresh: int = 192
+    buffer: int = 120_000
+    rate: float = 1.5e-3
     backbone_share: float = 0.5
     decay: float = 0.02
-    warmup: int = 300
-    ema: float = 0.999
+    warmup: int = 200
+    ema: float = 0.998
     contrast: float = 1.0
     unknown: float = 0.2
     seed: int = 0
     workers: int = 2
-    validate_every: int = 1000
-    augmentation: Augmentation = field(default_factory=Augmentation)
+    validate_every: int = 700
+    augmentations: tuple[Augmentation, Augmentation] = (GENTLE, Augmentation())
     seconds: float | None = None
 
 
@@ -87,6 +99,8 @@ class Buffer:
             torch.empty((capacity, 4), device=device),
             torch.empty((capacity, 3), device=device),
             torch.empty(capacity, dtype=torch.int64, device=device),
+            torch.empty(capacity, dtype=torch.int64, device=device),
+            torch.empty((capacity, 3, SIDE, SIDE), dtype=torch.uint8, device=device),
             torch.empty(capacity, dtype=torch.int64, device=device),
         )
 
@@ -117,18 +131,21 @@ def train(
     device: str = "cpu",
     resume: bool = False,
     on_step: Callable[[int, dict[str, float]], None] = lambda _step, _row: None,
-) -> LitePose:
-    """Train and return the averaged network; checkpoint and curves are in ``out``.
+) -> EmbeddedNetworks:
+    """Train both members and return their averages; checkpoint and curves are in ``out``.
 
     Raises:
         CadposeError: ``out`` holds a checkpoint of another recipe.
     """
     torch.manual_seed(recipe.seed)
     where = torch.device(device)
+    layout = torch.contiguous_format
     if where.type == "cuda":
         torch.backends.cudnn.allow_tf32 = True
         torch.set_float32_matmul_precision("high")
-    model = LitePose(source.categories, backbone).to(where)
+        layout = GPU_LAYOUT
+    model = EmbeddedNetworks(source.categories, backbone).to(where, memory_format=layout)  # type: ignore[call-overload]
+    encoder = FrozenEncoder().to(where, memory_format=layout)  # type: ignore[call-overload]
     average = moving_average(model, recipe.ema)
     optimiser = torch.optim.AdamW(
         model.parameter_groups(recipe.rate, recipe.backbone_share),
@@ -136,6 +153,7 @@ def train(
         fused=where.type == "cuda",
     )
     peaks = [group["lr"] for group in optimiser.param_groups]
+    scaler = torch.amp.GradScaler(where.type, enabled=where.type == "cuda")
     generator = torch.Generator(where).manual_seed(recipe.seed)
     out.mkdir(parents=True, exist_ok=True)
     told = {"backbone": backbone, "categories": source.categories, "recipe": plain(recipe)}
@@ -148,7 +166,7 @@ def train(
     stream = loader(stream_of, recipe.workers, pin=where.type == "cuda")
     # Drawn here, while the workers begin.
     unseen = _validation(validation, validation_photos)
-    buffer = Buffer(recipe.buffer, source.options.size, where)
+    buffer, queue = Buffer(recipe.buffer, source.options.size, where), RenderQueue()
     start = time.monotonic()
     model.train()
     chunk_photos, waited = 0, 0.0
@@ -163,7 +181,8 @@ def train(
                 break
         for group, peak in zip(optimiser.param_groups, peaks, strict=True):
             group["lr"] = peak * min(1.0, (step + 1) / recipe.warmup) * 0.5 * (1 + math.cos(math.pi * share))
-        losses = _step(model, buffer.draw(recipe.batch, generator), recipe, optimiser, generator)
+        drawn = buffer.draw(recipe.batch, generator)
+        losses = _step(model, encoder, drawn, recipe, optimiser, scaler, generator, queue)
         average.update_parameters(model)
         step += 1
         if step % 50 == 0:
@@ -174,12 +193,12 @@ def train(
         if step % recipe.validate_every == 0 and step < recipe.steps:
             _checkpoint(out, told, model, average, optimiser, step, photos + chunk_photos)
             if unseen:
-                _report(curves, average.module, unseen, where, step, on_step)
+                _report(curves, average.module, encoder, unseen, where, step, on_step)
     _checkpoint(out, told, model, average, optimiser, step, photos + chunk_photos)
     if unseen:
-        _report(curves, average.module, unseen, where, step, on_step)
+        _report(curves, average.module, encoder, unseen, where, step, on_step)
     trained = average.module.eval()
-    assert isinstance(trained, LitePose)
+    assert isinstance(trained, EmbeddedNetworks)
     return trained
 
 
@@ -194,53 +213,91 @@ def _fill(buffer: Buffer, stream: Iterator[Objects], recipe: Recipe, step: int, 
 
 
 def _step(
-    model: LitePose,
+    model: EmbeddedNetworks,
+    encoder: FrozenEncoder,
     drawn: Objects,
     recipe: Recipe,
     optimiser: torch.optim.Optimizer,
+    scaler: torch.amp.GradScaler,
     generator: torch.Generator,
+    queue: RenderQueue,
 ) -> dict[str, Tensor]:
-    targets = Targets(drawn.angles, drawn.turns)
+    n, targets = len(drawn), Targets(drawn.angles, drawn.turns)
     both = [
-        crops(drawn.photos, drawn.boxes, drawn.visible_boxes, targets, recipe.augmentation, generator)
-        for _ in range(2)
+        crops(drawn.photos, drawn.boxes, drawn.visible_boxes, targets, augmentation, generator)
+        for augmentation in recipe.augmentations
     ]
     images = normalised(torch.cat([c for c, _ in both]))
-    n = len(drawn)
+    on_gpu = images.device.type == "cuda"
+    if on_gpu:
+        images = images.contiguous(memory_format=GPU_LAYOUT)
     one_hot = functional.one_hot(drawn.category, len(model.categories)).float()
     draw = torch.rand(n, generator=generator, device=one_hot.device)
     one_hot = one_hot * (draw >= recipe.unknown).float()[:, None]
-    logits, offsets, features = model(images, one_hot.repeat(2, 1))
-    merged = Targets(torch.cat([t.angles for _, t in both]), drawn.turns.repeat(2))
+    with torch.autocast(images.device.type, GPU_PRECISION, enabled=on_gpu):
+        answers = model(images, encoder(images), one_hot.repeat(2, 1))
+        embedded = _embedded(model, images[:n], drawn, both[0][1])
+    near = matching_loss(embedded[:n], embedded[n:], drawn.models, queue)
+    lost = [_lost(answer, both[0][1], both[1][1], recipe) for answer in answers]
+    optimiser.zero_grad(set_to_none=True)
+    whole = torch.stack([near, *(loss for loss, _ in lost)]).sum()
+    scaler.scale(whole).backward()  # type: ignore[no-untyped-call]
+    scaler.unscale_(optimiser)
+    for member in (model.tuned, model.head, model.embedder):
+        torch.nn.utils.clip_grad_norm_(member.parameters(), 5.0)
+    scaler.step(optimiser)
+    scaler.update()
+    told = zip(("pose", "head", "match"), (*(pose for _, pose in lost), near), strict=True)
+    return {name: value.detach() for name, value in told}
+
+
+def _embedded(model: EmbeddedNetworks, images: Tensor, drawn: Objects, cut: Targets) -> Tensor:
+    """The first crops' embeddings and after them those of the renders, mirrored where the crops are."""
+    mirrored = (cut.angles[:, 0] != drawn.angles[:, 0])[:, None, None, None]
+    renders = torch.where(mirrored, drawn.renders.flip(3), drawn.renders)
+    found: Tensor = model.embedder(torch.cat([shrunk(images), normalised(renders.float())]))
+    return found
+
+
+def _lost(answer: Answer, first: Targets, second: Targets, recipe: Recipe) -> tuple[Tensor, Tensor]:
+    """One member's loss with and without the contrastive part."""
+    logits, offsets, features = answer
+    n = len(first.turns)
+    merged = Targets(torch.cat([first.angles, second.angles]), first.turns.repeat(2))
     pose = pose_loss(logits, offsets, merged)
     # The two crops of a photo may be mirrored and turned differently: only those alike are positives.
-    alike = ((both[0][1].angles - both[1][1].angles).abs().amax(dim=1) < 15.0).nonzero()[:, 0]
+    alike = ((first.angles - second.angles).abs().amax(dim=1) < 15.0).nonzero()[:, 0]
     near = contrast(
-        features[:n][alike], features[n:][alike], Targets(both[0][1].angles[alike], drawn.turns[alike])
+        features[:n][alike], features[n:][alike], Targets(first.angles[alike], first.turns[alike])
     )
-    loss = pose + recipe.contrast * near
-    optimiser.zero_grad(set_to_none=True)
-    loss.backward()  # type: ignore[no-untyped-call]
-    torch.nn.utils.clip_grad_norm_(model.parameters(), 5.0)
-    optimiser.step()
-    return {"pose": pose.detach(), "contrast": near.detach()}
+    return pose + recipe.contrast * near, pose
 
 
 def _validation(source: Source | None, photos: int) -> list[Objects]:
     if source is None or not source.models:
         return []
-    return list(ObjectStream(source, photos=photos, main_only=True))
+    chunks = list(ObjectStream(source, photos=photos, main_only=True))
+    fields = [torch.cat(some) for some in zip(*(c.fields() for c in chunks), strict=True)]
+    # Batches of one size: a GPU prepares each size anew.
+    starts = range(0, len(fields[0]), _UNSEEN_BATCH)
+    return [Objects(*(field[at : at + _UNSEEN_BATCH] for field in fields)) for at in starts]
 
 
 def _report(
     curves: Curves,
     model: Any,
+    encoder: FrozenEncoder,
     unseen: list[Objects],
     where: torch.device,
     step: int,
     on_step: Callable[[int, dict[str, float]], None],
 ) -> None:
-    row = {"step": step, "unseen": True, **summary(*errors(model, unseen, where), model.categories)}
+    with torch.autocast(where.type, GPU_PRECISION, enabled=where.type == "cuda"):
+        found, category = rotation_errors(model, encoder, unseen, where)
+        first = embedding_share(model, unseen, where)
+    alone = {f"{name}30": float((found[name] <= 30).float().mean()) for name in ("tuned", "head")}
+    row = {"step": step, "unseen": True, **summary(found["both"], category, model.categories), **alone}
+    row["match1"] = first
     curves.add(row)
     on_step(step, row)
 
@@ -256,7 +313,7 @@ def plain(recipe: Recipe) -> dict[str, Any]:
 def _checkpoint(
     out: Path,
     told: dict[str, Any],
-    model: LitePose,
+    model: EmbeddedNetworks,
     average: AveragedModel,
     optimiser: torch.optim.Optimizer,
     step: int,
@@ -278,7 +335,7 @@ def _checkpoint(
 def _load(
     path: Path,
     told: dict[str, Any],
-    model: LitePose,
+    model: EmbeddedNetworks,
     average: AveragedModel,
     optimiser: torch.optim.Optimizer,
     where: torch.device,
@@ -301,8 +358,8 @@ def _load(
         ) from error
 
 
-def trained_network(path: Path) -> LitePose:
-    """The averaged network of a checkpoint.
+def trained_networks(path: Path) -> EmbeddedNetworks:
+    """The averaged members of a checkpoint.
 
     Raises:
         CadposeError: the file is no checkpoint of this kind.
@@ -310,7 +367,7 @@ def trained_network(path: Path) -> LitePose:
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)
         told = json.loads(state["told"])
-        model = LitePose(told["categories"], told["backbone"], pretrained=False)
+        model = EmbeddedNetworks(told["categories"], told["backbone"], pretrained=False)
         average = {k.removeprefix("module."): v for k, v in state["average"].items() if k != "n_averaged"}
         model.load_state_dict(average)
     except CadposeError:

@@ -6,33 +6,9 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from cadpose.rotation.bins import BIN_DEGREES
-from cadpose.training.lite.augment import NOTHING, crops
-from cadpose.training.lite.network import LitePose, normalised
 from cadpose.training.lite.objective import Targets, rotations
-from cadpose.training.lite.stream import Objects
-
-
-@torch.no_grad()
-def errors(model: LitePose, chunks: Sequence[Objects], device: torch.device) -> tuple[Tensor, Tensor]:
-    """(M,) errors in degrees modulo symmetry about the upright axis, and (M,) category numbers."""
-    was_training = model.training
-    model.eval()
-    found: list[Tensor] = []
-    categories: list[Tensor] = []
-    generator = torch.Generator(device).manual_seed(0)
-    for chunk in chunks:
-        photos, boxes, visible, angles, turns, category = (t.to(device) for t in chunk.fields())
-        targets = Targets(angles, turns)
-        images, _ = crops(photos, boxes, visible, targets, NOTHING, generator)
-        one_hot = functional.one_hot(category, len(model.categories)).float()
-        logits, offsets, _ = model(normalised(images), one_hot)
-        found.append(modulo(decoded(logits, offsets), targets).cpu())
-        categories.append(category.cpu())
-    model.train(was_training)
-    return torch.cat(found), torch.cat(categories)
 
 
 def decoded(logits: Sequence[Tensor], offsets: Sequence[Tensor]) -> Tensor:
@@ -40,8 +16,8 @@ def decoded(logits: Sequence[Tensor], offsets: Sequence[Tensor]) -> Tensor:
     labels = []
     for logit, offset in zip(logits, offsets, strict=True):
         best = logit.argmax(dim=1, keepdim=True)
-        labels.append((best + offset.gather(1, best)) * BIN_DEGREES)
-    az, el, ip = (label[:, 0].float() for label in labels)
+        labels.append((best + offset.gather(1, best).float()) * BIN_DEGREES)
+    az, el, ip = (label[:, 0] for label in labels)
     return torch.stack([torch.remainder(-az, 360.0), el - 90.0, ip - 180.0], dim=1)
 
 

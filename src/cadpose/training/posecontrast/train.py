@@ -166,14 +166,15 @@ def train(options: TrainingOptions, on_step: OnStep, recipe: Recipe | None = Non
     return TrainingReport(exported, file, curves, rows, table, difference)
 
 
-def export(weights: str, path: Path, heads: Sequence[Path] = ()) -> float:
+def export(weights: str, path: Path, heads: Sequence[Path] = (), embedding: Path | None = None) -> float:
     """Write the network of a checkpoint as ONNX.
 
     Args:
         weights: The path of a checkpoint of cadpose or of the method's authors, or a key of
             :data:`cadpose.training.posecontrast.loading.CHECKPOINTS`.
         path: ONNX file to write.
-        head: Must be None; this network has one member.
+        heads: Must be empty; this network has one member.
+        embedding: Must be None; it embeds nothing.
 
     Returns:
         The largest difference between the exported network and torch's.
@@ -182,8 +183,8 @@ def export(weights: str, path: Path, heads: Sequence[Path] = ()) -> float:
         InputError: the checkpoint cannot be used, or holds no heads.
         DependencyError: a named checkpoint is not there.
     """
-    if heads:
-        raise InputError(f"{heads[0]}: PoseContrast is one network, leave out --head")
+    for extra in (*heads, *([] if embedding is None else [embedding])):
+        raise InputError(f"{extra}: PoseContrast is one network, leave out --head and --embedding")
     recipe = RECIPE
     if weights not in CHECKPOINTS:
         settings = read_checkpoint(Path(weights)).get("settings")

@@ -15,6 +15,7 @@ from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.library.mesh import Mesh
 from cadpose.records import CadModel, Rotation
 from cadpose.rendering.lights import Lights
+from cadpose.rendering.raster import Rasteriser
 from cadpose.training.synth.backdrops import Backdrops
 from cadpose.training.synth.compose import cover, paste, relight, shade_ground
 from cadpose.training.synth.degrade import degraded
@@ -87,7 +88,9 @@ class SynthGenerator:
         self._categories = sorted(self._by_category)
         weights = np.array([self._weight(c) for c in self._categories])
         self._chances = weights / weights.sum()
+        self._by_id = {model.id: model for model in models}
         self.drawer: Drawer = drawer or RasterDrawer()
+        self._plain = Rasteriser()
         self._scenes = KeptScenes(mesh, symmetry, kept_bytes)
         self._series: tuple[int, list[Shape]] | None = None
 
@@ -125,6 +128,16 @@ class SynthGenerator:
         objects = [_labelled(layers[i], masks[i], o.size) for i in order]
         rgb = degraded(canvas, rng, o.degrade)
         return SynthPhoto(index, rgb, tuple(found for found in objects if found is not None))
+
+    def plain(self, cad: str, R_cv_from_s: FloatArray, size: int) -> NDArray[np.uint8]:
+        """(size, size, 3) uint8: a model as the library has it, in plain light on white, filling the square.
+
+        Raises:
+            KeyError: it is none of ``models``.
+        """
+        scene, _ = self._scenes.of(self._by_id[cad])
+        camera = Cameras.framing(R_cv_from_s[None], scene.vertices.astype(np.float64), size=size)
+        return np.asarray(self._plain.render_scene(scene, camera).over(255)[0], np.uint8)
 
     def _weight(self, category: str) -> float:
         return float(self.options.weights.get(category, np.sqrt(sum(map(len, self._by_category[category])))))
