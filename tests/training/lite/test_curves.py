@@ -32,7 +32,7 @@ def test_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = Curves(tmp_path)
     assert rows.draw() is None  # nothing to show
     for step in range(50, 1000, 50):
-        rows.add({"step": step, "pose": 6.0 / step**0.2, "contrast": 2.0})
+        rows.add({"step": step, "pose": 6.0 / step**0.2, "match": 2.0})
     rows.add({"step": 950, "unseen": True, "acc30": 0.6, "macro30": 0.5, "acc10": 0.2})
     path = rows.draw()
     assert path is not None

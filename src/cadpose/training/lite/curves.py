@@ -13,6 +13,12 @@ from cadpose.library.storage import write_atomic
 
 CURVES, PICTURE = "curves.jsonl", "curves.png"
 Row = dict[str, Any]
+_MEASURED = (
+    ("acc30", "Acc@30"),
+    ("macro30", "Acc@30, mean of categories"),
+    ("acc10", "Acc@10"),
+    ("match1", "model found by its embedding"),
+)
 
 
 class Curves:
@@ -61,12 +67,12 @@ def picture(rows: Sequence[Row]) -> bytes:
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     FigureCanvasAgg(figure)
     above, below = figure.subplots(2, sharex=True)
-    for name in ("loss", "pose", "contrast"):
+    for name in ("loss", "pose", "head", "match"):
         told = [(row["step"], row[name]) for row in seen if name in row]
         if told:
             above.plot(*zip(*told, strict=True), label=name, lw=1.2)
-    for name, label in (("acc30", "Acc@30"), ("macro30", "Acc@30, mean of categories"), ("acc10", "Acc@10")):
-        told = [(row["step"], 100.0 * row[name]) for row in unseen]
+    for name, label in _MEASURED:
+        told = [(row["step"], 100.0 * row[name]) for row in unseen if name in row]
         if told:
             below.plot(*zip(*told, strict=True), "o-", label=label, lw=1.2, ms=3)
     above.set_ylabel("loss")
