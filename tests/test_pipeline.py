@@ -50,6 +50,9 @@ def test_the_right_model_and_focal_length_at_a_known_rotation(
     assert found.cad == shot.cad and len(found.candidates) == 3
     scores = [c.score for c in found.candidates]
     assert scores == sorted(scores, reverse=True) and scores[0] > scores[1] + 0.2
+    chances = [c.probability for c in found.candidates]
+    assert None not in chances and found.none_probability is not None
+    assert sum(p or 0.0 for p in chances) + found.none_probability == pytest.approx(1.0)
     assert found.pose.rotation == shot.rotation and found.hypotheses[0].rotation == shot.rotation
     assert found.pose.focal_px == pytest.approx(shot.focal_px, rel=0.01)
     assert found.pose.principal_px == pytest.approx((210.0, 140.0), abs=1.0)
@@ -131,7 +134,7 @@ def untimed(result: PhotoResult) -> dict[str, Any]:
     return told
 
 
-@pytest.mark.parametrize("similarity", ["aligned", "sift-sm1", "fused"])
+@pytest.mark.parametrize("similarity", ["joint", "aligned", "sift-sm1", "fused"])
 def test_the_same_input_gives_the_same_document(small_library: Library, hatch: Shot, similarity: str) -> None:
     found = [Detection(hatch.box, "car", rotation=hatch.rotation)]
     first, second = (

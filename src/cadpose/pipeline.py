@@ -120,7 +120,7 @@ class Annotator:
         detector: object = "embedded",
         masks: object = "grabcut",
         rotation: object = "embedded",
-        similarity: object = "aligned",
+        similarity: object = "joint",
         renderer: object = "raster",
         candidates: int = 10,
         index: LibraryIndex | None = None,

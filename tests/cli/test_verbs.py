@@ -186,7 +186,7 @@ def test_box_without_category_is_named_by_lite0(
         (["--box", "0,0,9,9", "--rotation", "1,95"], "outside -90 to 90"),
         (["--box", "0,0,9,9", "--category", "car", "--category", "chair"], "given 2 times for 1 boxes"),
         (["--box", "0,0,9,9", "--detections", "x.json"], "not both"),
-        (["--similarity", "nonsense"], "none of aligned, fused"),
+        (["--similarity", "nonsense"], "none of joint, aligned, fused"),
         (["--align", "nonsense"], "'box', 'paper', 'mask'"),
         (["--renderer", "nonsense"], "'raster'"),
         (["--device", "gpu"], "'cpu', 'cuda'"),

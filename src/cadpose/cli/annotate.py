@@ -51,7 +51,7 @@ def annotate(
         typer.Option("--index", help="Choose the candidates by this view index, see `library index`."),
     ] = None,
     embedding: Embedding = None,
-    similarity: Similarity = "aligned",
+    similarity: Similarity = "joint",
     renderer: RendererName = "raster",
     align_to: AlignTo = "box",
     estimator: Estimator = "embedded",

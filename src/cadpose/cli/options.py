@@ -50,7 +50,7 @@ Similarity = Annotated[
     typer.Option(
         "--similarity",
         callback=_known_similarity,
-        help="Measure: aligned, fused, sm1, sm2, sm3, sift-sm1 ...",
+        help="What ranks the models: joint, or a measure: aligned, fused, sm1, sm2, sm3, sift-sm1 ...",
     ),
 ]
 RendererName = Annotated[
@@ -75,7 +75,7 @@ def make_annotator(
     seed: int = 0,
     candidates: int = 10,
     index: LibraryIndex | None = None,
-    similarity: str = "aligned",
+    similarity: str = "joint",
     renderer: str = "raster",
     align_to: str = "box",
     estimator: str = "embedded",
