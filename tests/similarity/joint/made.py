@@ -54,4 +54,5 @@ class SmallSource:
         return self._kept[cad.id]
 
     def describe(self, crop: NDArray[np.uint8]) -> NDArray[np.int8]:
-        return describe(lite0(), crop[None]).cells[0][0]
+        cells: NDArray[np.int8] = describe(lite0(), crop[None]).cells[0][0]
+        return cells

@@ -52,4 +52,4 @@ def test_what_cannot_be() -> None:
         {"mean": np.zeros(2)},
     ):
         with pytest.raises(ValueError, match=r"scales|names|shape"):
-            replace(fitted, **change)  # type: ignore[arg-type]
+            replace(fitted, **change)

@@ -36,7 +36,7 @@ def test_whole_numbers_give_what_fractions_give() -> None:
     told = template_cosines(crop, views, near)
     assert told.shape == (3, 3)
     np.testing.assert_allclose(told, in_fractions(crop, views, near), atol=2e-3)
-    assert np.unravel_index(told.argmax(), told.shape) == (1, 1) and told.max() > 0.95
+    assert told.argmax() == 4 and told.max() > 0.95
 
 
 def test_the_largest_values_do_not_overflow() -> None:
