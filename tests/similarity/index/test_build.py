@@ -116,6 +116,15 @@ def test_another_grid_or_network_is_refused(
         build_index(tmp_path, LibrarySource(small_library), other)
 
 
+def test_nothing_is_made_while_another_process_makes_it(
+    small_library: Library, describer: ViewDescriber, tmp_path: Path
+) -> None:
+    pytest.importorskip("fcntl")
+    with SegmentStore.locked(tmp_path / "new"), pytest.raises(LibraryError, match="Another process"):
+        build_index(tmp_path / "new", LibrarySource(small_library), describer)
+    assert not (tmp_path / "new" / "index.json").exists()
+
+
 def test_small_segments_are_joined(
     small_library: Library, describer: ViewDescriber, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cadpose.errors import LibraryError
+from cadpose.errors import InputError, LibraryError
 from cadpose.similarity.index.segments import MANIFEST, Entry, Segment, SegmentStore
 
 
@@ -45,12 +45,28 @@ def test_segments_change_all_at_once(store: SegmentStore) -> None:
 
 
 def test_what_a_killed_run_left_is_swept_away(store: SegmentStore) -> None:
-    for name in ("000003.cells.npy", ".part-x"):
+    for name in ("000003.cells.npy", ".part-x1_y2z3a"):
         (store.folder / name).write_bytes(b"half")
     before = SegmentStore.open(store.folder)
     assert before.names == store.names
     before.commit()
-    assert not list(store.folder.glob("000003*")) and not (store.folder / ".part-x").exists()
+    assert not list(store.folder.glob("000003*")) and not (store.folder / ".part-x1_y2z3a").exists()
+
+
+def test_files_of_others_are_left_alone(store: SegmentStore, tmp_path: Path) -> None:
+    own = [
+        store.folder / name for name in ("2024.jpg", "000009.txt", "000009.depth.npy", ".part-of-my-thesis")
+    ]
+    for path in own:
+        path.write_bytes(b"mine")
+    store.commit([segment("d")], ["000001"])
+    assert all(path.read_bytes() == b"mine" for path in own)
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    (photos / "000001.json").write_bytes(b"mine")
+    with pytest.raises(InputError, match="holds something else"):
+        SegmentStore.create(photos, {})
+    assert [path.name for path in photos.iterdir()] == ["000001.json"]
 
 
 @pytest.mark.parametrize("file", ["000001.embeddings.npy", "000001.cells.npy", "000001.json"])
@@ -88,7 +104,12 @@ def test_no_index_and_one_of_another_version(store: SegmentStore, tmp_path: Path
 
 def test_two_do_not_write_at_once(store: SegmentStore) -> None:
     pytest.importorskip("fcntl")
-    with store.locked(), pytest.raises(LibraryError, match="Another process"), store.locked():
+    lock = store.locked
+    with (
+        lock(store.folder),
+        pytest.raises(LibraryError, match="Another process"),
+        lock(store.folder),
+    ):
         pass
-    with store.locked():
+    with lock(store.folder):
         pass

@@ -100,16 +100,15 @@ def build_index(
         committed: Told how many models a segment brought that is safe on disk now.
 
     Raises:
+        InputError: the folder holds something that is no index.
         LibraryError: the index is damaged, was made with other settings, or is written by another process.
         OSError: the folder cannot be written.
         ValueError: ``workers`` is below 1.
     """
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}")
-    store = _opened(folder, describer)
-    with store.locked():
-        # Whoever held the lock may have written since.
-        store = SegmentStore.open(folder)
+    with SegmentStore.locked(folder):
+        store = _opened(folder, describer)
         concerned = {e for e in source.entries() if categories is None or e.category in categories}
         removed = _drop_others(store, concerned, categories)
         there = {e for name in store.names for e in store.read(name).entries}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cadpose.errors import LibraryError
+from cadpose.errors import InputError, LibraryError
 from cadpose.library.storage import sha256_of, write_atomic
 from cadpose.similarity.embedding import DIMENSIONS
 from cadpose.similarity.small_maps import CELLS, CHANNELS
@@ -29,6 +30,9 @@ FORMAT = 1
 _MOST_JSON_BYTES = 256 * 2**20
 #: File of each array; the maps are left on disk until they are asked for.
 _PARTS = ("embeddings", "cells", "aspects")
+#: The only names that are ever deleted: a segment's files, and what a killed `write_atomic` left.
+_OWN = re.compile(r"(\d{6})\.(?:json|(?:embeddings|cells|aspects)\.npy)")
+_TEMPORARY = re.compile(r"\.part-[a-z0-9_]{8}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +120,17 @@ class SegmentStore:
 
     @classmethod
     def create(cls, folder: Path, settings: Mapping[str, Any]) -> SegmentStore:
-        """An empty index, in place of what may be there.
+        """An empty index in a folder that is new or empty.
 
         Raises:
+            InputError: the folder holds something else.
             OSError: it cannot be written.
         """
+        for path in sorted(folder.iterdir()) if folder.exists() else ():
+            if path.name != _LOCK and not _TEMPORARY.fullmatch(path.name):
+                raise InputError(
+                    f"{folder} holds something else ({path.name}): name a new folder for the index"
+                )
         store = cls(folder, settings, {})
         store.commit()
         return store
@@ -192,18 +202,24 @@ class SegmentStore:
         write_atomic(self.folder / MANIFEST, (json.dumps(told, indent=1) + "\n").encode())
         self._segments = segments
         for path in self.folder.iterdir():
-            name = path.name.partition(".")[0]
-            if (name.isdecimal() and name not in segments) or path.name.startswith(".part-"):
+            own = _OWN.fullmatch(path.name)
+            if (own and own[1] not in segments) or _TEMPORARY.fullmatch(path.name):
                 path.unlink(missing_ok=True)
 
+    @staticmethod
     @contextmanager
-    def locked(self) -> Iterator[None]:
+    def locked(folder: Path) -> Iterator[None]:
         """Keep other processes from writing meanwhile; the system frees the lock of one that is killed.
+
+        Args:
+            folder: Of the index; made when needed.
 
         Raises:
             LibraryError: another process writes now.
+            OSError: the folder cannot be written.
         """
-        with (self.folder / _LOCK).open("ab") as file:
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / _LOCK).open("ab") as file:
             try:
                 import fcntl
             except ImportError:  # Windows
@@ -213,7 +229,7 @@ class SegmentStore:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise LibraryError(
-                    f"Another process is writing the view index {self.folder}; wait until it has ended."
+                    f"Another process is writing the view index {folder}; wait until it has ended."
                 ) from None
             yield
 
