@@ -9,7 +9,9 @@ from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
 from cadpose.records import CadModel, Detection, Rotation, RotationHypothesis
 from cadpose.similarity.embedding import ViewEmbedder
+from cadpose.similarity.index.describe import ViewDescriber
 from cadpose.similarity.index.library_index import LibraryIndex, index_folder
+from cadpose.similarity.index.segments import SegmentStore
 from tests.similarity.index.made import network
 from tests.small_library import Shot, shoot
 
@@ -71,6 +73,19 @@ def test_an_index_of_another_network_is_refused(index: LibraryIndex, tmp_path: P
         LibraryIndex.open(tmp_path, ViewEmbedder(network()))
 
 
+@pytest.mark.parametrize("key", ["cells", "renderer", "views", "encoder"])
+def test_an_index_of_other_settings_is_refused(
+    small_library: Library, embedder: ViewEmbedder, tmp_path: Path, key: str
+) -> None:
+    settings = ViewDescriber(embedder).settings
+    assert key in settings
+    SegmentStore.create(tmp_path, {**settings, key: "other"})
+    with pytest.raises(LibraryError, match=rf"other settings \({key}\)"):
+        LibraryIndex.open(tmp_path, embedder)
+    with pytest.raises(LibraryError, match=rf"other settings \({key}\)"):
+        LibraryIndex.build(small_library, embedder, tmp_path)
+
+
 def test_candidates_are_models_that_can_be_read(
     index: LibraryIndex, shots: list[Shot], small_library: Library, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -102,6 +117,7 @@ def test_the_digest_tells_indexes_apart(
 ) -> None:
     LibraryIndex.build(small_library, embedder, tmp_path, categories=["car"])
     cars = LibraryIndex.open(tmp_path, embedder).digest
+    assert index.digest is index.digest  # worked out once
     assert cars != index.digest == LibraryIndex.open(index.folder, embedder).digest
     LibraryIndex.build(small_library, embedder, tmp_path)
     assert LibraryIndex.open(tmp_path, embedder).digest == index.digest

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
 
@@ -113,3 +114,28 @@ def test_two_do_not_write_at_once(store: SegmentStore) -> None:
         pass
     with lock(store.folder):
         pass
+
+
+def test_a_reader_follows_a_writer(store: SegmentStore) -> None:
+    reader = SegmentStore.open(store.folder)
+    store.commit([segment("d")], ["000001"])
+    assert [e.id for part in reader.read_all() for e in part.entries] == ["c", "d"]
+    (store.folder / "000002.json").unlink()
+    with pytest.raises(LibraryError, match="damaged"):
+        reader.read_all()
+
+
+def test_only_the_maps_of_a_segment_keep_a_file_open(
+    store: SegmentStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = store.read("000001")
+    assert isinstance(read.cells, np.memmap)
+    assert not isinstance(read.embeddings, np.memmap) and not isinstance(read.aspects, np.memmap)
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(np, "load", full)
+    with pytest.raises(LibraryError, match="ulimit") as told:
+        store.read("000001")
+    assert "delete" not in str(told.value)

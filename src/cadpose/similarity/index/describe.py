@@ -17,6 +17,7 @@ from cadpose.rendering.scene import Scene
 from cadpose.similarity.embedding import SIDE, ViewEmbedder
 from cadpose.similarity.index.grid import ViewGrid
 from cadpose.similarity.small_maps import SmallMaps, basis_digest, describe_views
+from cadpose.weights import REGISTRY
 
 #: Part of the key of what is kept: change it when views are drawn or described in another way.
 _VERSION = 1
@@ -54,12 +55,9 @@ class ViewDescriber:
     def settings(self) -> dict[str, Any]:
         """Everything that decides what is kept of a model, as JSON takes it."""
         return {
-            "views": _VERSION,
             "azimuths": self.grid.azimuths,
             "elevations": list(self.grid.elevations),
-            "renderer": self._raster.name,
-            "embedding": self.embedder.sha256,
-            "cells": basis_digest(),
+            **made_with(self.embedder, self._raster),
         }
 
     def describe(self, scene: Scene) -> DescribedModel:
@@ -71,6 +69,17 @@ class ViewDescriber:
         views = self._raster.render_scene(scene, framing(scene, self.grid.rotations, SIDE))
         embeddings = self.embedder.views(views)
         return DescribedModel(embeddings.astype(np.float16), describe_views(views, self._encoder))
+
+
+def made_with(embedder: ViewEmbedder, raster: Rasteriser) -> dict[str, Any]:
+    """What must be the same for photos to be compared with what is kept, from whatever views it was drawn."""
+    return {
+        "views": _VERSION,
+        "renderer": raster.name,
+        "embedding": embedder.sha256,
+        "encoder": REGISTRY["lite0-trunk"].sha256,
+        "cells": basis_digest(),
+    }
 
 
 def framing(scene: Scene, R_cv_from_s: FloatArray, size: int) -> Cameras:

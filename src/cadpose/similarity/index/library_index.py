@@ -6,6 +6,7 @@ import json
 import logging
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Self
 
@@ -20,9 +21,10 @@ from cadpose.library.class_map import category_from_name
 from cadpose.library.storage import sha256_of
 from cadpose.photos import crop_square
 from cadpose.records import CadModel, Detection, Photo, Rotation, RotationHypothesis
+from cadpose.rendering.raster import Rasteriser
 from cadpose.similarity.embedding import SIDE, ViewEmbedder
 from cadpose.similarity.index.build import IndexReport, LibrarySource, build_index
-from cadpose.similarity.index.describe import ViewDescriber
+from cadpose.similarity.index.describe import ViewDescriber, made_with
 from cadpose.similarity.index.grid import ViewGrid
 from cadpose.similarity.index.segments import Entry, Segment, SegmentStore
 from cadpose.similarity.index.vectors import VectorIndex
@@ -78,18 +80,24 @@ class LibraryIndex:
         try:
             told = self._settings = store.settings
             self.grid = ViewGrid(int(told["azimuths"]), tuple(map(float, told["elevations"])))
-            made_with = str(told["embedding"])
         except (KeyError, TypeError, ValueError) as error:
             raise LibraryError(
                 f"The view index {folder} does not tell how it was made; delete it and run "
                 "`cadpose library index`."
             ) from error
-        if made_with != embedder.sha256:
+        now = made_with(embedder, Rasteriser())
+        other = sorted(key for key, value in now.items() if told.get(key) != value)
+        if other and other != ["embedding"]:
+            raise LibraryError(
+                f"The view index {folder} was made with other settings ({', '.join(other)}); delete it and "
+                "run `cadpose library index`."
+            )
+        if other:
             raise LibraryError(
                 f"The view index {folder} was made with another network; delete it and run "
                 "`cadpose library index`, or name that network with --embedding."
             )
-        self._segments: list[Segment] = [store.read(name) for name in store.names]
+        self._segments: list[Segment] = store.read_all()
         self._entries = [entry for segment in self._segments for entry in segment.entries]
         self._starts = np.cumsum([0, *(len(segment.entries) for segment in self._segments)])
         self.vectors = VectorIndex(
@@ -99,7 +107,7 @@ class LibraryIndex:
     def __len__(self) -> int:
         return len(self._entries)
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Changes whenever a model is added, changed or leaves, or views are kept in another way."""
         told = [json.dumps(self._settings, sort_keys=True)]
@@ -121,7 +129,7 @@ class LibraryIndex:
         """Open an index.
 
         Raises:
-            LibraryError: there is none, it is damaged, or it was made with another network.
+            LibraryError: there is none, it is damaged, or it was made with another network or settings.
             DependencyError: FAISS is not installed.
         """
         return cls(folder, SegmentStore.open(folder), embedder, device)

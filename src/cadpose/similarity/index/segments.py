@@ -7,6 +7,7 @@ swept away by the next commit.
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import re
@@ -28,6 +29,8 @@ from cadpose.similarity.small_maps import CELLS, CHANNELS
 MANIFEST, _LOCK = "index.json", "lock"
 FORMAT = 1
 _MOST_JSON_BYTES = 256 * 2**20
+#: How often a reader begins anew because a writer has meanwhile replaced what it was to read.
+_TRIES = 3
 #: File of each array; the maps are left on disk until they are asked for.
 _PARTS = ("embeddings", "cells", "aspects")
 #: The only names that are ever deleted: a segment's files, and what a killed `write_atomic` left.
@@ -163,9 +166,14 @@ class SegmentStore:
                 size, checksum = told["files"][part]
                 if path.stat().st_size != size:
                     raise ValueError(f"{path.stat().st_size} bytes instead of {size}")
-                arrays[part] = np.load(path, mmap_mode="r", allow_pickle=False)
-                if part != "cells" and zlib.crc32(path.read_bytes()) != checksum:
+                if part == "cells":
+                    arrays[part] = np.load(path, mmap_mode="r", allow_pickle=False)
+                    continue
+                # A map keeps its file open, and a process may open but so many.
+                data = path.read_bytes()
+                if zlib.crc32(data) != checksum:
                     raise ValueError("checksum differs")
+                arrays[part] = np.load(io.BytesIO(data), allow_pickle=False)
             return Segment(
                 tuple(Entry(*map(str, row)) for row in told["models"]),
                 arrays["embeddings"],
@@ -174,6 +182,21 @@ class SegmentStore:
             )
         except (OSError, ValueError, KeyError, TypeError, EOFError, AttributeError) as error:
             raise _damaged(path, error) from error
+
+    def read_all(self) -> list[Segment]:
+        """Every segment, of the manifest as it is now where a writer has meanwhile deleted one.
+
+        Raises:
+            LibraryError: a file of one is missing, cut short or changed.
+        """
+        for _ in range(_TRIES - 1):
+            try:
+                return [self.read(name) for name in self.names]
+            except LibraryError as error:
+                if not isinstance(error.__cause__, FileNotFoundError):
+                    raise
+                self._segments = SegmentStore.open(self.folder)._segments
+        return [self.read(name) for name in self.names]
 
     def check(self, name: str) -> None:
         """Read all of a segment, the maps too.
@@ -269,6 +292,11 @@ def _bounded(path: Path) -> bytes:
 
 
 def _damaged(path: Path, error: Exception) -> LibraryError:
+    if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
+        return LibraryError(
+            f"The view index {path.parent} has more files than may be open at once; allow more, as by "
+            "`ulimit -n 4096`."
+        )
     reason = error.strerror if isinstance(error, OSError) else error
     return LibraryError(
         f"The view index is damaged: {path} ({reason}); delete the folder {path.parent} and run "
