@@ -1,8 +1,9 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from cadpose.errors import LibraryError
 from cadpose.library.catalogue import Library
 from cadpose.records import Rotation
 from cadpose.similarity.index.drawn import DrawnRanking
@@ -39,8 +40,23 @@ def test_what_is_not_drawn_stays_behind(small_library: Library) -> None:
     assert DrawnRanking(small_library).rank(found, shot.photo.rgb, shot.box, []) == found
 
 
-def test_a_model_that_has_left_is_told(small_library: Library) -> None:
-    shot = shoot(small_library, small_library.models("car")[0].id, Rotation(40.0, 12.0))
-    gone = [Match("gone", "car", 1.0, 0.5, Rotation(0.0, 0.0))]
-    with pytest.raises(LibraryError, match="gone"):
-        DrawnRanking(small_library).rank(gone, shot.photo.rgb, shot.box, [shot.rotation])
+def test_a_model_that_has_left_is_passed_over(
+    small_library: Library, caplog: pytest.LogCaptureFixture
+) -> None:
+    model = small_library.models("car")[0]
+    shot = shoot(small_library, model.id, Rotation(40.0, 12.0))
+    gone = [Match("gone", "car", 3.0, 0.5, Rotation(0.0, 0.0))]
+    found = matches(small_library, last=model.id)
+    ranking = DrawnRanking(small_library)
+    again = ranking.rank([*gone, *found], shot.photo.rgb, shot.box, [shot.rotation])
+    assert again == ranking.rank(found, shot.photo.rgb, shot.box, [shot.rotation])
+    assert "gone is passed over" in caplog.text
+    assert ranking.rank(gone, shot.photo.rgb, shot.box, [shot.rotation]) == []
+
+
+def test_scores_are_lifted_above_a_rest_only(small_library: Library) -> None:
+    model = small_library.models("car")[0]
+    shot = shoot(small_library, model.id, Rotation(40.0, 12.0))
+    opposed = [replace(match, cosine=-5.0) for match in matches(small_library, last=model.id)]
+    again = DrawnRanking(small_library).rank(opposed, shot.photo.rgb, shot.box, [shot.rotation])
+    assert len(again) == 3 and all(match.score < -3.0 for match in again)

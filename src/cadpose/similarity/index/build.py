@@ -88,7 +88,8 @@ def build_index(
 ) -> IndexReport:
     """Make an index, or bring it up to date. A run that was killed goes on where it was.
 
-    The content depends on the source and the describer alone, not on how often the run was ended.
+    The content depends on the source and the describer alone, not on how often the run was ended. Models that
+    fail are the exception: they are left out, and each later run tries them again.
 
     Args:
         folder: Of the index; made when needed.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.encoder import lite0
+from cadpose.errors import LibraryError
 from cadpose.geometry.boxes import Box
 from cadpose.geometry.frames import FloatArray
 from cadpose.library.catalogue import Library
@@ -21,6 +23,8 @@ from cadpose.similarity.index.library_index import COSINE_WEIGHT, Match
 from cadpose.similarity.local_features import BACKGROUND
 from cadpose.similarity.ranking import rank_candidates
 from cadpose.similarity.small_maps import SIDE, SmallAligned
+
+log = logging.getLogger(__name__)
 
 #: How many models are drawn.
 DRAWN = 10
@@ -50,23 +54,25 @@ class DrawnRanking:
     ) -> list[Match]:
         """The same matches, the first ``count`` of them in the order in which their renders say.
 
-        Without a rotation the order stays as it is.
-
-        Raises:
-            LibraryError: a model has left the library, or its mesh is damaged.
+        Without a rotation the order stays as it is. A model that has left the library since the index was
+        made, or cannot be drawn, is passed over.
         """
         first = matches[:count]
         if not rotations or not first:
             return list(matches)
-        cads = {match.cad: self._library.get(match.cad) for match in first}
         R = np.stack([rotation.to_matrix() for rotation in rotations])
         with ThreadPoolExecutor(self._threads) as pool:
-            views = dict(zip(cads, pool.map(lambda cad: self._drawn(cad, R), cads.values()), strict=True))
+            drawn = [one for one in pool.map(lambda match: self._drawn(match.cad, R), first) if one]
+        rest = matches[count:]
+        if not drawn:
+            return list(rest)
+        cads = [cad for cad, _ in drawn]
+        views = {cad.id: view for cad, view in drawn}
         candidates = rank_candidates(
             crop_square(rgb, box, SIDE, fill=BACKGROUND),
             None,
             box.width / box.height,
-            list(cads.values()),
+            cads,
             [rotations] * len(cads),
             render=lambda cad, _: views[cad.id],
             chooser=self._measure,
@@ -80,12 +86,17 @@ class DrawnRanking:
             for c in candidates
         ]
         # What was not drawn comes after, and its scores, of another measure, are kept below.
-        rest = matches[count:]
-        lift = max((match.score for match in rest), default=0.0) - min(match.score for match in again)
-        if lift > 0:
-            again = [replace(match, score=match.score + lift) for match in again]
+        if rest:
+            lift = max(match.score for match in rest) - min(match.score for match in again)
+            again = [replace(match, score=match.score + max(lift, 0.0)) for match in again]
         return [*sorted(again, key=lambda match: -match.score), *rest]
 
-    def _drawn(self, cad: CadModel, R_cv_from_s: FloatArray) -> Views:
-        scene = self._raster.scene(self._library.mesh(cad))
-        return self._raster.render_scene(scene, framing(scene, R_cv_from_s, SIDE))
+    def _drawn(self, cad_id: str, R_cv_from_s: FloatArray) -> tuple[CadModel, Views] | None:
+        """A model and its renders, or None where there are none."""
+        try:
+            cad = self._library.get(cad_id)
+            scene = self._raster.scene(self._library.mesh(cad))
+            return cad, self._raster.render_scene(scene, framing(scene, R_cv_from_s, SIDE))
+        except (LibraryError, ValueError) as error:
+            log.warning("%s is passed over: %s", cad_id, error)
+            return None
