@@ -8,8 +8,9 @@ import pytest
 pytest.importorskip("onnx", reason="needs cadpose[train]")
 pytest.importorskip("faiss", reason="needs cadpose[index]")
 from cadpose.datasets.labels import Label
+from cadpose.evaluation import library_search
 from cadpose.evaluation.library_search import SearchOutcome, labelled_rotation, search_labels, search_table
-from cadpose.evaluation.shape_similarity import Shapes
+from cadpose.evaluation.shape_similarity import Shapes, ShapeSimilarity
 from cadpose.library.catalogue import Library
 from cadpose.records import Rotation
 from cadpose.similarity.embedding import ViewEmbedder
@@ -52,6 +53,32 @@ def test_every_photo_has_an_answer(small_library: Library, labels: list[Label], 
     assert table["all"]["photos"] == 5 and table["all"]["top3"] == 1.0
     assert table["categories"]["chair"]["chance"]["top1"] == 0.5
     assert table["all"]["top1"] >= 0.6
+
+
+def test_chance_is_told_by_a_sample(
+    small_library: Library, labels: list[Label], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    embedder = ViewEmbedder(network(), threads=1)
+    LibraryIndex.build(small_library, embedder, tmp_path, categories=["car"])
+    index = LibraryIndex.open(tmp_path, embedder)
+    cars, compared = [e.id for e in index.entries], list[str]()
+
+    class Counted(Shapes):
+        def similarity(self, a: str, b: str) -> ShapeSimilarity:
+            compared.append(a)
+            return super().similarity(a, b)
+
+    def chance(seed: int) -> list[str]:
+        compared.clear()
+        shapes = Counted(small_library)
+        (one,) = search_labels(labels[:1], index, lambda _: cars, shapes, labelled_rotation, seed=seed)
+        assert one.among == 3
+        return compared[1:]  # the first is the answer
+
+    assert chance(0) == cars
+    monkeypatch.setattr(library_search, "_BY_CHANCE", 2)
+    assert len(chance(0)) == 2 and chance(0) == chance(0)
+    assert len({tuple(chance(seed)) for seed in range(8)}) > 1
 
 
 def test_places_and_chance(labels: list[Label]) -> None:

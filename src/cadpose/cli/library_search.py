@@ -44,14 +44,22 @@ def library_search(
 
     Exit code 1: a photo could not be used; the others were evaluated.
     """
+    from cadpose.errors import InputError
     from cadpose.evaluation.library_search import labelled_rotation, search_labels, search_table
     from cadpose.evaluation.retrieval_inputs import choose_labels
     from cadpose.evaluation.shape_similarity import THRESHOLD, Shapes
     from cadpose.library.catalogue import Library
+    from cadpose.library.class_map import category_from_name
 
-    labels = choose_labels(dataset, limit=limit)
+    everything = choose_labels(dataset, limit=limit)
+    labels = everything
     if category:
-        labels = [label for label in labels if label.category in category]
+        labels = [one for one in everything if (category_from_name(one.category) or one.category) in category]
+    if not labels:
+        raise InputError(
+            f"{dataset}: no label of category {', '.join(category or ())}; it has "
+            f"{', '.join(sorted({one.category for one in everything}))}"
+        )
     opened = open_index(library, index, embedding, device)
     catalogue = Library.open(library)
     catalogue.cache_size = 256
@@ -75,6 +83,7 @@ def library_search(
             rerank=rerank,
             drawn=open_drawn(library, device) if draw else None,
             draw=draw,
+            seed=seed,
             done=lambda: bar.advance(bar.tasks[0].id),
         )
     for outcome in outcomes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,8 @@ from cadpose.similarity.index.library_index import LibraryIndex
 
 #: Places that are counted.
 PLACES = (1, 3, 10, 50)
+#: So many models of a category at most tell how alike a model chosen by chance is.
+_BY_CHANCE = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +33,8 @@ class SearchOutcome:
         found: Ids of the models found, best first.
         among: How many models of the category there are.
         fscore, chamfer: How alike the first model found and the true one are.
-        chance_fscore, chance_chamfer: The mean of the same over all models of the category.
+        chance_fscore, chance_chamfer: The mean of the same over the models of the category, of a sample of
+            64 where there are more.
         reason: Why there is no answer, or empty.
     """
 
@@ -59,6 +63,7 @@ def search_labels(
     rerank: bool = True,
     drawn: DrawnRanking | None = None,
     draw: int = DRAWN,
+    seed: int = 0,
     done: Callable[[], None] = lambda: None,
 ) -> list[SearchOutcome]:
     """Look for the object of every label among all models of its category.
@@ -72,6 +77,7 @@ def search_labels(
         rerank: Rank by small maps too.
         drawn: Draws the best few and ranks them once more; left out if None.
         draw: How many are drawn.
+        seed: Of the sample of models that stand for chance, the same for all photos of a category.
         done: Called after each photo.
 
     Raises:
@@ -80,7 +86,7 @@ def search_labels(
     outcomes = []
     for label in labels:
         try:
-            outcomes.append(_outcome(label, index, models, shapes, rotations, rerank, drawn, draw))
+            outcomes.append(_outcome(label, index, models, shapes, rotations, rerank, drawn, draw, seed))
         except DependencyError:
             raise
         except CadposeError as error:
@@ -98,6 +104,7 @@ def _outcome(
     rerank: bool,
     drawn: DrawnRanking | None,
     draw: int,
+    seed: int,
 ) -> SearchOutcome:
     photo, box = object_in_photo(label)
     true, others = str(label.cad), models(label.category)
@@ -114,8 +121,10 @@ def _outcome(
         return SearchOutcome(label, reason=f"the view index has no model of category {label.category!r}")
     if drawn is not None:
         matches = drawn.rank(matches, photo.rgb, box, turned, draw)
+    if not matches:
+        return SearchOutcome(label, reason="no model that was found can be drawn")
     answer = shapes.similarity(matches[0].cad, true)
-    chance = [shapes.similarity(cad, true) for cad in others]
+    chance = [shapes.similarity(cad, true) for cad in _sample(others, label.category, seed)]
     return SearchOutcome(
         label,
         tuple(match.cad for match in matches),
@@ -125,6 +134,14 @@ def _outcome(
         float(np.mean([one.fscore for one in chance])),
         float(np.mean([one.chamfer for one in chance])),
     )
+
+
+def _sample(models: Sequence[str], category: str, seed: int) -> list[str]:
+    """The models that stand for chance."""
+    if len(models) <= _BY_CHANCE:
+        return list(models)
+    rng = np.random.default_rng([seed, zlib.crc32(category.encode())])
+    return [models[i] for i in sorted(rng.choice(len(models), _BY_CHANCE, replace=False))]
 
 
 def search_table(outcomes: Sequence[SearchOutcome]) -> dict[str, Any]:
