@@ -65,6 +65,45 @@ def test_evaluating(made: list[str], small_library: Library, tmp_path: Path) -> 
     assert cadpose(*arguments).exit_code == 1
 
 
+def test_a_box_is_cut_to_the_photo(made: list[str], small_library: Library, tmp_path: Path) -> None:
+    shot = shoot(small_library, small_library.models("car")[0].id, Rotation(40.0, 12.0))
+    photo = save(tmp_path / "street.png", shot.photo.rgb)
+    far = ("--box", "99000,99000,99100,99100", "--category", "car")
+    one_sentence(cadpose("library", "search", photo, *far, *made), "lies outside", photo)
+    wide = ("--box", "-9000,0,99000,99000", "--rotation", "40,12", *made, "--json")
+    told = said(cadpose("library", "search", photo, *wide))
+    assert told["box"] == [0.0, 0.0, shot.photo.width, shot.photo.height] and told["found"]
+
+
+def test_a_category_without_labels_is_told(made: list[str], small_library: Library, tmp_path: Path) -> None:
+    shot = shoot(small_library, small_library.models("car")[0].id, Rotation(40.0, 12.0))
+    photo = save(tmp_path / "street.png", shot.photo.rgb)
+    write_labels(tmp_path / "labels.jsonl", [Label(photo, "car", shot.box, shot.cad.id, 40.0, 12.0, 0.0)])
+    arguments = ("evaluate", "library", tmp_path / "labels.jsonl", "--category", "typo", *made)
+    one_sentence(cadpose(*arguments), "typo", "it has car")
+
+
+def test_a_device_that_is_not_there_is_refused(
+    made: list[str], small_library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import onnxruntime
+
+    monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: ["CPUExecutionProvider"])
+    shot = shoot(small_library, small_library.models("car")[0].id, Rotation(40.0, 12.0))
+    photo = save(tmp_path / "street.png", shot.photo.rgb)
+    cuda = ("--device", "cuda")
+    one_sentence(cadpose("library", "index", *made, *cuda), "onnxruntime-gpu")
+    one_sentence(cadpose("library", "search", photo, *given(shot), *made, *cuda), "onnxruntime-gpu")
+    scale = ("experiment", "scale", tmp_path / "out", "--models", 5, *made[:2], *made[4:], *cuda)
+    one_sentence(cadpose(*scale), "onnxruntime-gpu")
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_embedding_belongs_to_an_index(made: list[str], tmp_path: Path) -> None:
+    result = cadpose("annotate", tmp_path / "none.png", *made[:2], *made[4:])
+    assert result.exit_code == 2 and "--index" in result.stderr
+
+
 def test_scale_wants_numbers(made: list[str], tmp_path: Path) -> None:
     assert cadpose("experiment", "scale", tmp_path / "out", "--models", "many", *made[:2]).exit_code == 2
 

@@ -68,6 +68,8 @@ def annotate(
         raise typer.BadParameter("give either --detections or --box and --rotation, not both")
     if rotation and not box:
         raise typer.BadParameter("--rotation belongs to --box: give the box of the object too")
+    if embedding is not None and index is None:
+        raise typer.BadParameter("--embedding belongs to --index: name the view index too")
     for option, given in (("--category", category), ("--rotation", rotation)):
         if box and given and len(given) not in (1, len(box)):
             raise typer.BadParameter(f"{option} was given {len(given)} times for {len(box)} boxes")

@@ -50,6 +50,13 @@ def search(
     except InputError as error:
         raise typer.BadParameter(str(error)) from None
     picture = read_photo(photo)
+    within = parsed.clipped(picture.width, picture.height)
+    if within is None:
+        raise InputError(
+            f"the box {box} lies outside {photo}, which has {picture.width} x {picture.height} pixels: "
+            "give x0,y0,x1,y1 within it"
+        )
+    parsed = within
     opened = open_index(library, index, embedding, device)
     name = category
     if category is not None:

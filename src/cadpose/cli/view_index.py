@@ -36,9 +36,11 @@ Draw = Annotated[
 
 def open_drawn(library: Path | None, device: str) -> DrawnRanking:
     """What draws the best that an index finds."""
+    from cadpose.backends import encoder_on
     from cadpose.library.catalogue import Library
     from cadpose.similarity.index.drawn import DrawnRanking
 
+    encoder_on(device)  # refuses a device that is not there
     catalogue = Library.open(library)
     catalogue.cache_size = 128
     return DrawnRanking(catalogue, os.cpu_count() or 1, device)
@@ -46,10 +48,12 @@ def open_drawn(library: Path | None, device: str) -> DrawnRanking:
 
 def open_index(library: Path | None, index: Path | None, embedding: Path | None, device: str) -> LibraryIndex:
     """The index that the options name."""
+    from cadpose.backends import encoder_on
     from cadpose.library.catalogue import Library
     from cadpose.similarity.embedding import ViewEmbedder, embedding_network
     from cadpose.similarity.index.library_index import LibraryIndex, index_folder
 
+    encoder_on(device)  # refuses a device that is not there
     folder = index or index_folder(Library.open(library))
     return LibraryIndex.open(folder, ViewEmbedder(embedding_network(embedding), device), device)
 
@@ -78,6 +82,7 @@ def index(
 
     It may be ended at any moment; the next run goes on.
     """
+    from cadpose.backends import encoder_on
     from cadpose.library.catalogue import Library
     from cadpose.similarity.embedding import ViewEmbedder, embedding_network
     from cadpose.similarity.index.build import LibrarySource, build_index
@@ -85,6 +90,7 @@ def index(
     from cadpose.similarity.index.grid import ViewGrid
     from cadpose.similarity.index.library_index import index_folder
 
+    encoder_on(device)  # refuses a device that is not there
     catalogue = Library.open(library)
     for name in category or ():
         catalogue.representatives(name, 1)  # says which categories there are
