@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("onnx", reason="needs cadpose[train]")
 pytest.importorskip("faiss", reason="needs cadpose[index]")
 from cadpose.errors import InputError
-from cadpose.evaluation.scale_experiment import BUILT, RESULTS, run_scale, scale_plot
+from cadpose.evaluation.scale_experiment import BUILT, RESULTS, _built, run_scale, scale_plot
 from cadpose.evaluation.scale_library import WarpedSource
 from cadpose.library.catalogue import Library
 from tests.similarity.index.made import network
@@ -55,3 +55,31 @@ def test_an_index_is_measured_as_it_grows(
     assert sum(json.loads(line)["models"] for line in (out / BUILT).read_text().splitlines()) == 11
     assert [told["models"] for told in json.loads((out / RESULTS).read_text())] == [6, 11]
     assert scale_plot(rows).startswith(b"\x89PNG")
+    with pytest.raises(InputError, match="holds 11 models already, more than 8"):
+        run_scale(out, small_library, [8], data, queries=2, resume=True)
+    assert (out / BUILT).read_text().count("\n") == 4  # the index is as it was
+
+
+def test_a_killed_run_may_have_cut_the_last_line(tmp_path: Path) -> None:
+    parts = [{"models": 4, "seconds": 1.0, "cpu": 2.0}, {"models": 2, "seconds": 0.5, "cpu": 1.0}]
+    lines = [json.dumps(part) for part in parts]
+    assert _built(tmp_path) == []
+    (tmp_path / BUILT).write_text("\n".join([*lines, lines[0][:17]]))
+    assert _built(tmp_path) == parts
+    (tmp_path / BUILT).write_text("\n".join([lines[0][:17], *lines]))
+    with pytest.raises(InputError, match="damaged in line 1"):
+        _built(tmp_path)
+
+
+def test_times_are_counted_up_to_the_size(small_library: Library, tmp_path: Path) -> None:
+    data = network()
+    run_scale(tmp_path, small_library, [3], data, queries=1)
+    (tmp_path / RESULTS).unlink()
+    told = {"models": 3, "seconds": 2.0, "cpu": 1.5}
+    (tmp_path / BUILT).write_text(2 * (json.dumps(told) + "\n"))
+    (row,) = run_scale(tmp_path, small_library, [3], data, queries=1, resume=True)
+    assert row.build_seconds == 2.0 and row.cpu_ms_a_model == 500.0
+    (tmp_path / RESULTS).unlink()
+    (tmp_path / BUILT).unlink()
+    with pytest.raises(InputError, match="does not tell how the index was built"):
+        run_scale(tmp_path, small_library, [3], data, queries=1, resume=True)

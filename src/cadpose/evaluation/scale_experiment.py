@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cadpose.backends import encoder_on
 from cadpose.errors import InputError
 from cadpose.evaluation.scale_library import WarpedSource
 from cadpose.geometry.boxes import Box
@@ -23,6 +24,7 @@ from cadpose.similarity.embedding import ViewEmbedder
 from cadpose.similarity.index.build import build_index
 from cadpose.similarity.index.describe import ViewDescriber
 from cadpose.similarity.index.library_index import LibraryIndex
+from cadpose.similarity.index.segments import MANIFEST, SegmentStore
 from cadpose.training.synth.backdrops import Backdrops
 from cadpose.training.synth.generator import SynthGenerator
 
@@ -114,13 +116,23 @@ def run_scale(
         progress: Told (models done, models in all).
 
     Raises:
-        InputError: the folder holds another experiment, or one that ``resume`` was not asked for.
+        InputError: the folder holds another experiment, or one that ``resume`` was not asked for; or its
+            index has grown beyond a size that was not measured.
+        DependencyError: there is no such device.
         LibraryError: the library or the index is damaged.
         OSError: the folder cannot be written.
     """
+    encoder_on(device)  # refuses a device that is not there
     describer = ViewDescriber(ViewEmbedder(network, device, threads=1), device=device)
     settings = {**describer.settings, "library": library.digest, "seed": seed, "queries": queries}
     rows = {row.models: row for row in _claim(out, settings, resume)}
+    there = _indexed(out / INDEX)
+    outgrown = [size for size in sorted(set(sizes) - set(rows)) if size < there]
+    if outgrown:
+        raise InputError(
+            f"{out / INDEX} holds {there} models already, more than {outgrown[0]}: name other numbers, or "
+            "another folder"
+        )
     asked = _queries(library, queries, seed)
     most = max(sizes)
     for size in sorted(set(sizes)):
@@ -141,14 +153,14 @@ def _build(
     most: int,
     progress: Callable[[int, int], None],
 ) -> None:
+    built = _built(out)
     last, last_cpu = time.perf_counter(), time.process_time()
 
     def committed(models: int) -> None:
         nonlocal last, last_cpu
         now, cpu = time.perf_counter(), time.process_time()
-        told = {"models": models, "seconds": now - last, "cpu": cpu - last_cpu}
-        with (out / BUILT).open("a", encoding="ascii") as file:
-            file.write(json.dumps(told) + "\n")
+        built.append({"models": models, "seconds": now - last, "cpu": cpu - last_cpu})
+        write_atomic(out / BUILT, "".join(json.dumps(part) + "\n" for part in built).encode())
         last, last_cpu = now, cpu
 
     report = build_index(
@@ -169,8 +181,13 @@ def _measure(out: Path, size: int, asked: Sequence[_Query], network: bytes, devi
     opened = time.perf_counter() - start
     if len(index) != size:
         raise InputError(f"{out / INDEX} holds {len(index)} models, not {size}: name another folder")
-    built = [json.loads(line) for line in (out / BUILT).read_text(encoding="ascii").splitlines()]
-    models, seconds, cpu = (sum(part[key] for part in built) for key in ("models", "seconds", "cpu"))
+    models = seconds = cpu = 0.0
+    for part in _built(out):
+        if models >= size:
+            break
+        models, seconds, cpu = models + part["models"], seconds + part["seconds"], cpu + part["cpu"]
+    if not models:
+        raise InputError(f"{out / BUILT} does not tell how the index was built: name another folder")
     return ScaleRow(
         models=size,
         megabytes=sum(path.stat().st_size for path in (out / INDEX).iterdir()) / 1e6,
@@ -182,6 +199,35 @@ def _measure(out: Path, size: int, asked: Sequence[_Query], network: bytes, devi
         unfiltered=_figures(index, asked, network, False),
         peak_rss_gb=peak_rss_gb(),
     )
+
+
+def _indexed(folder: Path) -> int:
+    """How many models an index holds; none if it is not there."""
+    if not (folder / MANIFEST).is_file():
+        return 0
+    store = SegmentStore.open(folder)
+    return sum(len(store.read(name).entries) for name in store.names)
+
+
+def _built(out: Path) -> list[dict[str, float]]:
+    """What each segment took; a last line that was cut is left out.
+
+    Raises:
+        InputError: another line is damaged.
+    """
+    path = out / BUILT
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else []
+    built: list[dict[str, float]] = []
+    for number, line in enumerate(lines, 1):
+        try:
+            told = json.loads(line)
+            built.append(
+                {"models": int(told["models"]), "seconds": float(told["seconds"]), "cpu": float(told["cpu"])}
+            )
+        except (ValueError, KeyError, TypeError) as error:
+            if number < len(lines):
+                raise InputError(f"{path} is damaged in line {number}: name another folder") from error
+    return built
 
 
 def _figures(index: LibraryIndex, asked: Sequence[_Query], network: bytes, filtered: bool) -> QueryFigures:
