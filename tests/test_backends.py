@@ -38,6 +38,12 @@ def test_names_give_stages(backends: Backends) -> None:
     assert backends.similarity("sm1").name != backends.similarity("sift-sm1").name
 
 
+def test_what_ranks_is_the_joint_ranking_or_a_measure(backends: Backends) -> None:
+    assert backends.ranking("fused", "raster").name == "lite0-fused"
+    with pytest.raises(CadposeError, match="choose one of: joint, aligned, fused, sm1"):
+        backends.ranking("x", "raster")
+
+
 @pytest.mark.parametrize(
     ("stage", "make"),
     [

@@ -18,6 +18,7 @@ from cadpose.library.catalogue import Library
 from cadpose.library.mesh import Mesh
 from cadpose.pipeline import Annotator, PhotoResult, Stopwatch
 from cadpose.records import CadModel, Detection, Photo, Rotation
+from cadpose.similarity.joint.ranker import JointRanker, JointRanking
 from tests.batch.fakes import FakeDetector, fake_annotator
 from tests.small_library import Shot, save, shoot
 
@@ -145,6 +146,25 @@ def test_the_same_input_gives_the_same_document(small_library: Library, hatch: S
     assert first == second and len(first["annotations"]) == 1
 
 
+def test_a_joint_ranker_of_ones_own_ranks(
+    small_library: Library, annotator: Annotator, hatch: Shot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    default = annotator.joint
+    own = JointRanker(default.source, default.render)
+    asked: list[JointRanking] = []
+
+    def rank(*told: Any, **more: Any) -> JointRanking:
+        asked.append(JointRanker.rank(own, *told, **more))
+        return asked[-1]
+
+    monkeypatch.setattr(own, "rank", rank)
+    using = Annotator(small_library, similarity=own)
+    (found,) = using.annotate(hatch.photo, [seen(hatch)])
+    assert using.joint is own is using.similarity and len(asked) == 1
+    assert found.candidates == asked[0].candidates and found.cad == hatch.cad
+    assert Annotator(small_library, similarity="aligned").joint is not own
+
+
 # -- objects that fail -----------------------------------------------------------------------------
 
 
@@ -264,7 +284,7 @@ def test_the_detector_runs_only_when_nothing_is_given(small_library: Library, ha
         ("detector", "embedded"),
         ("masks", "grabcut"),
         ("rotation", "embedded"),
-        ("similarity", "aligned, fused, sm1"),
+        ("similarity", "joint, aligned, fused, sm1"),
         ("renderer", "raster, blender"),
         ("device", "cpu, cuda"),
     ],

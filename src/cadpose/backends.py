@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -145,11 +145,20 @@ class Backends:
 
     def similarity(self, which: object) -> SimilarityMeasure:
         """A similarity measure by name."""
+        return cast(SimilarityMeasure, _choose("similarity", which, self._measures()))
+
+    def ranking(self, which: object, renderer_name: str) -> SimilarityMeasure | JointRanker:
+        """What ranks the models: the joint ranking or a similarity measure, by name."""
+        makers: dict[str, Callable[[], Any]] = {
+            "joint": lambda: self.joint(renderer_name),
+            **self._measures(),
+        }
+        return cast("SimilarityMeasure | JointRanker", _choose("similarity", which, makers))
+
+    def _measures(self) -> dict[str, Callable[[], SimilarityMeasure]]:
         from cadpose.similarity.registry import measures
 
-        return cast(
-            SimilarityMeasure, _choose("similarity", which, measures(encoder_on(self.device), self.seed))
-        )
+        return measures(encoder_on(self.device), self.seed)
 
 
 class GalleryTemplates:
@@ -207,7 +216,7 @@ class GalleryTemplates:
         return cells
 
 
-def _choose(stage: str, which: object, makers: dict[str, Callable[[], Any]]) -> object:
+def _choose(stage: str, which: object, makers: Mapping[str, Callable[[], Any]]) -> object:
     if not isinstance(which, str):
         return which
     if which not in makers:

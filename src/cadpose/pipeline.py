@@ -1,7 +1,7 @@
 """One photo in, 4-DoF annotations out: the only place where the stages meet.
 
-find the objects -> mask each -> estimate its rotation -> draw the CAD candidates at that rotation
--> rank them -> fit the focal length that lays the best one over the object
+find the objects -> mask each -> guess its rotation -> rank the CAD candidates, each at its best rotation
+near a guess -> fit the focal length that lays the best one over the object
 """
 
 from __future__ import annotations
@@ -145,16 +145,15 @@ class Annotator:
         self.rotation = backends.rotation(rotation, self.renderer.name)
         self.chooser = backends.similarity("aligned")
         self._backends = backends
-        self.similarity: SimilarityMeasure | JointRanker
-        if similarity == "joint":
-            self.similarity = self.joint
-        else:
-            self.similarity = self.chooser if similarity == "aligned" else backends.similarity(similarity)
+        self.similarity: SimilarityMeasure | JointRanker = (
+            self.chooser if similarity == "aligned" else backends.ranking(similarity, self.renderer.name)
+        )
 
     @cached_property
     def joint(self) -> JointRanker:
-        """What decides CAD model and rotation together, whatever else is chosen."""
-        return self._backends.joint(self.renderer.name)
+        """What decides CAD model and rotation together: the one chosen, else the default."""
+        own = self.similarity
+        return own if isinstance(own, JointRanker) else self._backends.joint(self.renderer.name)
 
     def annotate(
         self, photo: Photo | NDArray[np.uint8] | Path | str, detections: Sequence[Detection] | None = None
