@@ -90,6 +90,18 @@ def test_candidates_and_none_add_up_to_one(scores: list[float], values: list[flo
     chances = fitted_once().chances(Evidence(np.array(values)), sorted(scores, reverse=True))
     assert sum(chances.candidates) + chances.none == pytest.approx(1.0)
     assert min(chances.candidates) >= 0.0 and len(chances.candidates) == len(scores)
+    # The better the rank, the better the chance, however little the first one is believed.
+    assert list(chances.candidates) == sorted(chances.candidates, reverse=True)
+    assert chances.needs_review or chances.none <= 0.5
+
+
+def test_a_doubted_first_lifts_none_of_these_and_not_the_second() -> None:
+    close = Evidence.of(candidates(1.0, 0.99), GUESSES)
+    model = fitted_once()
+    unlikely = replace(model, first=replace(model.first, bias=model.first.bias - 50.0), threshold=0.0)
+    told = unlikely.chances(close, [1.0, 0.99])
+    first, second = told.candidates
+    assert first == second < 0.01 and told.none > 0.98 and told.needs_review
 
 
 _KEPT: list[Confidence] = []

@@ -29,7 +29,7 @@ SHIPPED = "cad-confidence.json"
 _MAX_CHARACTERS = 1_000_000
 #: Strength of the penalty: the evidence is much alike, and weights shall not play it off against itself.
 _L2 = 10.0
-#: Candidates after the first share what is left by exp(score / temperature).
+#: Candidates after the first share what is left by exp(score / temperature), up to the first's chance.
 _TEMPERATURE = 0.25
 
 #: A measure's usual spread among candidates that are not the object's model. Few candidates say little about
@@ -86,7 +86,7 @@ class Chances:
     """What is told of one ranking; candidates and none add up to 1.
 
     Attributes:
-        candidates: One a candidate, in their order.
+        candidates: One a candidate, in their order; none is above the first's.
         none: That none of them is the object's model.
         needs_review: Whether a person should look before the first one is used.
     """
@@ -160,6 +160,9 @@ class Confidence:
     def chances(self, evidence: Evidence, scores: Sequence[float]) -> Chances:
         """The chances of candidates with these scores, best first.
 
+        What says that the first one is wrong does not say that another is right: none of the others gets
+        more than the first, and what they cannot take goes to "none of these".
+
         Raises:
             ValueError: there is no candidate.
         """
@@ -170,11 +173,11 @@ class Confidence:
         lag = (np.array(scores[1:], float) - max(scores[1:], default=0.0)) / _TEMPERATURE
         shares = np.exp(lag)
         rest = (1.0 - none) * (1.0 - first) * shares / shares.sum() if len(shares) else shares
-        return Chances(
-            ((1.0 - none) * first, *(float(p) for p in rest)),
-            none,
-            bool(first < self.threshold or none > 0.5),
-        )
+        best = (1.0 - none) * first
+        told = np.minimum(rest, best)
+        none += float((rest - told).sum())
+        review = first < self.threshold or none > 0.5
+        return Chances((best, *(float(p) for p in told)), none, review)
 
     def to_json(self) -> str:
         """Indented JSON, newline at the end; `from_json` gives the same numbers back exactly."""
