@@ -1,6 +1,6 @@
 """Fit what turns the joint ranking's evidence into chances, on synthetic photos of unseen models.
 
-    python scripts/fit_cad_confidence.py TRAINING_LIBRARY OUT.json --backgrounds DIR
+    python scripts/fit_cad_confidence.py TRAINING_LIBRARY OUT.json --backgrounds DIR --photos 420
 
 The photos show held-out models (`training/data/held-out.json`), warped, with other colours and blurred, as no
 CAD model is the object itself. Each is ranked twice by the default annotator: with the model shown among the
@@ -27,12 +27,12 @@ from cadpose.pipeline import SIDE, Annotator
 from cadpose.similarity.joint.confidence import EVIDENCE, Confidence
 from cadpose.similarity.local_features import BACKGROUND
 from cadpose.training.lite.sources import sources
+from cadpose.training.lite.stream import LEAST_SIDE, LEAST_VISIBLE
 from cadpose.training.synth.options import SynthOptions
 from cadpose.training.synth.records import SynthPhoto
 
 #: Precision that answers without a flag are to have on these photos, if the true model is a candidate.
 PRECISION = 0.97
-_LEAST_VISIBLE, _LEAST_SIDE = 0.5, 40.0
 #: A drawn photo of a model is far more like its render than a photo of a real thing is. Warps, other colours
 #: and worse pictures than a person takes stand in for that.
 FAR_FROM_RENDERS = SynthOptions(
@@ -65,7 +65,7 @@ def rankings(annotator: Annotator, photo: SynthPhoto) -> Iterator[Ranked]:
     """The photo's main object ranked with its model among the candidates and without."""
     shown = photo.objects[0]
     box = shown.box.clipped(photo.rgb.shape[1], photo.rgb.shape[0])
-    if box is None or shown.visible < _LEAST_VISIBLE or max(box.width, box.height) < _LEAST_SIDE:
+    if box is None or shown.visible < LEAST_VISIBLE or max(box.width, box.height) < LEAST_SIDE:
         return
     own = annotator.library.get(shown.cad)
     others = [m for m in annotator.library.representatives(own.category, 11) if m.id != own.id]

@@ -25,12 +25,12 @@ from cadpose.pipeline import Annotator
 from cadpose.rotation.calibration import WITHIN, Calibration
 from cadpose.rotation.embedded import FEATURES, EmbeddedRotation
 from cadpose.training.lite.sources import sources
+from cadpose.training.lite.stream import LEAST_SIDE, LEAST_VISIBLE
 from cadpose.training.synth.options import SynthOptions
 
 #: Precision that answers without a flag are to have on these photos. Drawn objects are harder to tell than
 #: photographed ones: what has it here has more on real photos.
 PRECISION = 0.95
-_LEAST_VISIBLE, _LEAST_SIDE = 0.5, 40.0
 #: Categories whose models have a front that can be told. What is all but round, as most lamps and bottles, is
 #: right by chance.
 FRONTED = ("bed", "cabinet", "car", "chair", "sofa")
@@ -67,7 +67,7 @@ def main() -> None:
                 continue
             shown = photo.objects[0]
             box = shown.box.clipped(photo.rgb.shape[1], photo.rgb.shape[0])
-            if box is None or shown.visible < _LEAST_VISIBLE or max(box.width, box.height) < _LEAST_SIDE:
+            if box is None or shown.visible < LEAST_VISIBLE or max(box.width, box.height) < LEAST_SIDE:
                 continue
             others = [m for m in annotator.library.representatives(shown.category, 10) if m.id != shown.cad]
             r = shown.rotation

@@ -49,4 +49,9 @@ class Fused:
     @staticmethod
     def combine(aligned: FloatArray, inliers: FloatArray) -> FloatArray:
         """(N,) aligned scores and (N,) inlier counts (SM2) of the same candidates to (N,) scores."""
-        return np.asarray(aligned + inliers / max(float(inliers.max(initial=0.0)), 1.0))
+        return np.asarray(aligned + share_of_most(inliers))
+
+
+def share_of_most(counts: FloatArray) -> FloatArray:
+    """(N,) counts as shares of the largest."""
+    return np.asarray(counts / max(float(counts.max(initial=0.0)), 1.0))

@@ -22,6 +22,7 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.records import CadModel, Candidate, Rotation, RotationHypothesis, Views
 from cadpose.similarity.affine import ransac_affine
 from cadpose.similarity.aligned import compare, describe_crop, describe_views
+from cadpose.similarity.fused import Fused, share_of_most
 from cadpose.similarity.joint.bracket import Bracket
 from cadpose.similarity.joint.confidence import Confidence, Evidence
 from cadpose.similarity.joint.templates import CELLS, TemplateSource, TemplateViews, template_cosines
@@ -73,7 +74,7 @@ class Look:
     @property
     def scores(self) -> FloatArray:
         """(M,) both together: who is drawn."""
-        return self.likeness + _COARSE_INLIERS * _share(self.inliers)
+        return self.likeness + _COARSE_INLIERS * share_of_most(self.inliers)
 
 
 class JointRanker:
@@ -166,7 +167,7 @@ class JointRanker:
         best, after = order[:DRAWN], order[DRAWN:]
         aligned, inliers = self.drawn(crop, aspect, [cads[i] for i in best], look.rotations[best])
         scores = np.empty(len(cads))
-        scores[best] = aligned + _share(inliers) + _COARSE_SHARE * look.likeness[best]
+        scores[best] = Fused.combine(aligned, inliers) + _COARSE_SHARE * look.likeness[best]
         # Those that were not drawn follow in their order.
         scores[after] = scores[best].min() + look.scores[after] - look.scores[best].min()
         measures = [
@@ -239,11 +240,6 @@ class JointRanker:
 
     def _inliers(self, source: FloatArray, target: FloatArray, trials: int) -> int:
         return ransac_affine(source, target, residual_px=_RESIDUAL_PX, trials=trials, seed=self.seed).count
-
-
-def _share(counts: FloatArray) -> FloatArray:
-    """Counts as shares of the largest."""
-    return np.asarray(counts / max(float(counts.max(initial=0.0)), 1.0))
 
 
 def _centred(cells: NDArray[np.float32]) -> NDArray[np.float32]:

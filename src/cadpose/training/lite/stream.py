@@ -23,8 +23,8 @@ from cadpose.training.synth.records import SynthObject
 
 #: Photos that a worker draws at once, a whole number of series.
 _CHUNK = 4
-#: Objects of which less is seen, or that are smaller, are not learned from.
-_LEAST_VISIBLE, _LEAST_SIDE = 0.5, 40.0
+#: Objects of which less is seen, or that are smaller in pixels, are not learned from.
+LEAST_VISIBLE, LEAST_SIDE = 0.5, 40.0
 #: Beside the numbers that the generator seeds with.
 _RENDERS = 2
 _NO_RENDER = np.empty((3, 0, 0), np.uint8)
@@ -201,7 +201,7 @@ def turns_of(found: SynthObject) -> int:
 
 
 def _worth(o: SynthObject) -> bool:
-    return o.visible >= _LEAST_VISIBLE and max(o.visible_box.width, o.visible_box.height) >= _LEAST_SIDE
+    return o.visible >= LEAST_VISIBLE and max(o.visible_box.width, o.visible_box.height) >= LEAST_SIDE
 
 
 def loader(stream: ObjectStream, workers: int, pin: bool = False) -> Iterator[Objects]:
