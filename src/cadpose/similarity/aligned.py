@@ -1,4 +1,4 @@
-"""The default measure: Lite0 stride-16 maps of crop and render compared cell by cell.
+"""The measure `aligned`: Lite0 stride-16 maps of crop and render compared cell by cell.
 
 Crop and render show the object framed alike, so cell (r, c) of both looks at the same part of it. From both
 maps the mean of the compared renders *at that cell* is taken away: what all candidates have in common there

@@ -16,7 +16,9 @@ from cadpose.similarity.triplet import TripletMeasure
 
 
 def measures(encoder: Lite0, seed: int) -> dict[str, Callable[[], SimilarityMeasure]]:
-    """Name to maker: ``aligned`` is the default, ``fused`` slower and better, the others the paper's.
+    """Name to maker: ``aligned`` compares maps, ``fused`` is slower and better, the others are the paper's.
+
+    The default is none of them but the joint ranking, :mod:`cadpose.similarity.joint`.
 
     ``triplet``, its learned baseline, needs a network of one's own. Those of ``delf-`` need torch and DELF's
     weights, those of ``xfeat-`` an extra; their makers say so where it is missing.

@@ -109,7 +109,7 @@ def train(
 
 
 def export(weights: str, path: Path, heads: Sequence[Path] = (), embedding: Path | None = None) -> None:
-    """All members are exported together, by stage one.
+    """Refused: all members are exported together, by the architecture ``lite0``.
 
     Raises:
         InputError: always; it tells how.

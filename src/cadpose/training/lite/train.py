@@ -132,7 +132,7 @@ def train(
     resume: bool = False,
     on_step: Callable[[int, dict[str, float]], None] = lambda _step, _row: None,
 ) -> EmbeddedNetworks:
-    """Train both members and return their averages; checkpoint and curves are in ``out``.
+    """Train members and view embedder and return their averages; checkpoint and curves are in ``out``.
 
     Raises:
         CadposeError: ``out`` holds a checkpoint of another recipe.
