@@ -122,3 +122,12 @@ def test_galleries_must_fit_together() -> None:
 def test_one_image_at_a_time() -> None:
     with pytest.raises(ValueError, match="one described image, got 2"):
         Templates([random_described(2, 0)]).cosines(random_described(2, 1))
+
+
+def test_several_images_at_once_are_each_by_itself() -> None:
+    templates = Templates([random_described(3, seed) for seed in range(2)])
+    queries = random_described(2, 9)
+    both = templates.cosines_of_each(queries)
+    assert both.shape == (2, 2, 3)
+    for q in range(2):
+        np.testing.assert_array_equal(both[q], templates.cosines(only(queries, q)))

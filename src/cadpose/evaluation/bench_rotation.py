@@ -13,7 +13,7 @@ from cadpose.photos import crop_square
 from cadpose.pipeline import Annotator
 from cadpose.records import Photo
 from cadpose.rotation.embedded import EmbeddedRotation
-from cadpose.rotation.features import Described, describe
+from cadpose.rotation.features import describe
 from cadpose.rotation.network import RotationNetwork
 
 
@@ -39,11 +39,10 @@ def bench_rotation(annotator: Annotator, photo: Photo, box: Box, repeats: int) -
     crop = crop_square(photo.rgb, box, SIDE)
     both = np.stack([crop, crop[:, ::-1]])
     described = describe(encoder, both)
-    one = Described(tuple(c[:1] for c in described.cells), tuple(c[:1] for c in described.cover))
     parts: dict[str, Callable[[], object]] = {
         "encoder": lambda: describe(encoder, both),
         "network": lambda: network.look(both, described, category, (False, True)),
-        "templates": lambda: [compare.cosines(one, cads) for _ in both],
+        "templates": lambda: compare.cosines_of_each(described, cads),
         "whole": lambda: estimator.estimate(crop, cads),
     }
     return {name: median_ms(work, repeats) for name, work in parts.items()}

@@ -24,7 +24,7 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.records import CadModel, Rotation, RotationHypothesis
 from cadpose.rotation.calibration import Calibration
-from cadpose.rotation.features import Described, describe
+from cadpose.rotation.features import describe
 from cadpose.rotation.grid import grid_angles, grid_mirrored, grid_rotations
 from cadpose.rotation.network import AngleDistributions, RotationNetwork
 from cadpose.rotation.render_and_compare import RenderAndCompare, between_grid_points, voted
@@ -166,8 +166,7 @@ class EmbeddedRotation:
         both = np.stack([crop, crop[:, ::-1]])
         described = describe(self.encoder, both)
         angles = self.network.look(both, described, cads[0].category, (False, True))
-        cosines = self.compare.cosines(_only(described, 0), cads)
-        mirrored = self.compare.cosines(_only(described, 1), cads)
+        cosines, mirrored = self.compare.cosines_of_each(described, cads)
         # Nearly all objects are their own mirror image, so the mirrored crop is a second witness.
         vote = (voted(cosines) + voted(mirrored)[grid_mirrored()]) / 2.0
         best_cad = cads[int(cosines.max(axis=1).argmax())]
@@ -243,12 +242,6 @@ def _turned(crop: NDArray[np.uint8], degrees: float) -> NDArray[np.uint8]:
     size = (crop.shape[1], crop.shape[0])
     turned = cv2.warpAffine(crop, matrix, size, flags=cv2.INTER_LINEAR, borderValue=(255, 255, 255))
     return np.asarray(turned, np.uint8)
-
-
-def _only(described: Described, n: int) -> Described:
-    return Described(
-        tuple(c[n : n + 1] for c in described.cells), tuple(c[n : n + 1] for c in described.cover)
-    )
 
 
 def _near_vote(R: FloatArray, vote: FloatArray) -> FloatArray:

@@ -86,6 +86,10 @@ class RenderAndCompare:
         """(M, N) likeness of a described crop to every model at every rotation of the grid."""
         return self._templates(cads).cosines(described)
 
+    def cosines_of_each(self, described: Described, cads: Sequence[CadModel]) -> FloatArray:
+        """(Q, M, N) likeness of Q described crops to every model at every rotation of the grid."""
+        return self._templates(cads).cosines_of_each(described)
+
     def _templates(self, cads: Sequence[CadModel]) -> Templates:
         key = tuple((cad.id, cad.sha256) for cad in cads)
         if key in self._kept:

@@ -21,7 +21,7 @@ _RANGE = 0.6
 
 
 class Templates:
-    """M models at N rotations, compared with one image at a time.
+    """M models at N rotations, compared with images.
 
     Args:
         galleries: One a model, all at the same N rotations.
@@ -57,13 +57,20 @@ class Templates:
         """
         if len(query) != 1:
             raise ValueError(f"expected one described image, got {len(query)}")
-        total = np.zeros(self.models * self.rotations)
-        for photo, (cells, cover, mean, spread) in zip(query.cells, self._levels, strict=True):
-            out = np.empty(len(cells), np.float32)
-            _covered_cosine(_unit(photo, mean, spread)[0], cells, cover, out)
+        return np.asarray(self.cosines_of_each(query)[0])
+
+    def cosines_of_each(self, queries: Described) -> FloatArray:
+        """(Q, M, N) :meth:`cosines` of Q images.
+
+        Templates are far larger than caches: read once, they serve all images in little more time.
+        """
+        total = np.zeros((len(queries), self.models * self.rotations))
+        for photos, (cells, cover, mean, spread) in zip(queries.cells, self._levels, strict=True):
+            out = np.empty((len(queries), len(cells)), np.float32)
+            _covered_cosines(_unit(photos, mean, spread), cells, cover, out)
             total += out
         total *= (_RANGE / 127.0) ** 2 / len(LEVELS)
-        return total.reshape(self.models, self.rotations)
+        return total.reshape(len(queries), self.models, self.rotations)
 
 
 def _statistics(
@@ -127,21 +134,24 @@ def _scale_cells(
 
 
 @kernel
-def _covered_cosine(
-    query: NDArray[np.int8],
+def _covered_cosines(
+    queries: NDArray[np.int8],
     templates: NDArray[np.int8],
     cover: NDArray[np.float32],
     out: NDArray[np.float32],
 ) -> None:
+    totals = np.empty(queries.shape[0], np.float32)
     for n in range(templates.shape[0]):
-        total = np.float32(0.0)
+        totals[:] = np.float32(0.0)
         weight = np.float32(1e-6)
         for cell in range(templates.shape[1]):
             w = cover[n, cell]
             if w > 0.0:
-                dot = np.int32(0)
-                for c in range(templates.shape[2]):
-                    dot += np.int32(query[cell, c]) * np.int32(templates[n, cell, c])
-                total += w * np.float32(dot)
+                for q in range(queries.shape[0]):
+                    dot = np.int32(0)
+                    for c in range(templates.shape[2]):
+                        dot += np.int32(queries[q, cell, c]) * np.int32(templates[n, cell, c])
+                    totals[q] += w * np.float32(dot)
                 weight += w
-        out[n] = total / weight
+        for q in range(queries.shape[0]):
+            out[q, n] = totals[q] / weight
