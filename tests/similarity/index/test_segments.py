@@ -139,3 +139,10 @@ def test_only_the_maps_of_a_segment_keep_a_file_open(
     with pytest.raises(LibraryError, match="ulimit") as told:
         store.read("000001")
     assert "delete" not in str(told.value)
+
+
+def test_a_folder_of_other_files_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"notes\.txt"), SegmentStore.locked(tmp_path):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]

@@ -129,11 +129,7 @@ class SegmentStore:
             InputError: the folder holds something else.
             OSError: it cannot be written.
         """
-        for path in sorted(folder.iterdir()) if folder.exists() else ():
-            if path.name != _LOCK and not _TEMPORARY.fullmatch(path.name):
-                raise InputError(
-                    f"{folder} holds something else ({path.name}): name a new folder for the index"
-                )
+        _refuse_others(folder)
         store = cls(folder, settings, {})
         store.commit()
         return store
@@ -238,10 +234,14 @@ class SegmentStore:
             folder: Of the index; made when needed.
 
         Raises:
+            InputError: the folder holds something else.
             LibraryError: another process writes now.
             OSError: the folder cannot be written.
         """
         folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / MANIFEST).exists():
+            # Before the lock's own file is left in somebody's folder.
+            _refuse_others(folder)
         with (folder / _LOCK).open("ab") as file:
             try:
                 import fcntl
@@ -289,6 +289,13 @@ def _bounded(path: Path) -> bytes:
     if path.stat().st_size > _MOST_JSON_BYTES:
         raise ValueError("far too large")
     return path.read_bytes()
+
+
+def _refuse_others(folder: Path) -> None:
+    """An index begins in a folder that is new or empty: nothing of anybody's is to be among its files."""
+    for path in sorted(folder.iterdir()) if folder.exists() else ():
+        if path.name != _LOCK and not _TEMPORARY.fullmatch(path.name):
+            raise InputError(f"{folder} holds something else ({path.name}): name a new folder for the index")
 
 
 def _damaged(path: Path, error: Exception) -> LibraryError:
