@@ -15,7 +15,7 @@ from PIL import Image
 from cadpose.annotations.card import card_html, gallery_entry, index_html
 from cadpose.annotations.document import AnnotationDocument, Failure, document_from
 from cadpose.annotations.strip import draw_strips
-from cadpose.annotations.style import COLOURS, object_crop
+from cadpose.annotations.style import COLOURS, object_crop, standing_text
 from cadpose.geometry.boxes import Box
 from cadpose.records import Candidate, Detection, Photo, Rotation
 from tests.annotations.factory import make_annotation, make_cad, make_failure, make_photo, make_views
@@ -122,7 +122,8 @@ def test_a_card_shows_everything_in_one_file() -> None:
     # The overlay, and a crop and three candidates for each object.
     assert len(page.pictures()) == 1 + 2 * (1 + 3)
     for text in (
-        "photos/street.jpg", "2 objects annotated", "car · CAD 0", "1 · 0.900", "3 · 0.700", "CAD 2",
+        "photos/street.jpg", "2 objects annotated", "car · CAD 0", "CAD 2",
+        "1 · chance 0.50", "3 · chance 0.06",
         "azimuth 312.4°, elevation 8.1°, in-plane -1.5°", "box 0.93, silhouette 0.81",
         "CC-BY-3.0 · A. Maker · Sweet Home 3D Set.sh3f", "the library has no zebra",
     ):  # fmt: skip
@@ -224,3 +225,8 @@ def test_a_card_tells_how_sure_the_model_is() -> None:
         shown = Page(make_card(photo, document)).text
         assert told in shown and ("Model's chance" in shown) == bool(told)
         assert ("needs review" in shown) == flagged
+
+
+def test_a_candidate_stands_by_its_chance_or_its_score() -> None:
+    assert standing_text(1, 1.154, 0.8) == "1 · chance 0.80"
+    assert standing_text(2, 1.154, None) == "2 · score 1.154"

@@ -18,7 +18,15 @@ from cadpose.annotations.document import AnnotationDocument, FailurePart
 from cadpose.annotations.page import data_uri, jpeg_uri, page, text
 from cadpose.annotations.parts import AnnotationPart
 from cadpose.annotations.strip import LIMIT
-from cadpose.annotations.style import colour_of, jpeg_bytes, object_crop, png_bytes, short, view_image
+from cadpose.annotations.style import (
+    colour_of,
+    jpeg_bytes,
+    object_crop,
+    png_bytes,
+    short,
+    standing_text,
+    view_image,
+)
 from cadpose.geometry.boxes import Box
 from cadpose.records import Photo, Views
 
@@ -114,7 +122,7 @@ def _object(photo: Photo, part: AnnotationPart, views: Views, number: int) -> st
     ]
     for i, candidate in enumerate(part.candidates[: min(len(views), LIMIT)]):
         source = data_uri("png", png_bytes(view_image(views, i, _TILE)))
-        caption = f"{i + 1} · {candidate.score:.3f}"
+        caption = standing_text(i + 1, candidate.score, candidate.probability)
         figures.append(_figure(source, caption, candidate.cad.name, "best" if i == 0 else ""))
     cad, pose = part.cad, part.pose
     mask = "" if part.mask_iou is None else f", silhouette {part.mask_iou:.2f}"

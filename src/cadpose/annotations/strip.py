@@ -17,6 +17,7 @@ from cadpose.annotations.style import (
     font,
     object_crop,
     short,
+    standing_text,
     view_image,
 )
 from cadpose.records import Annotation, Photo, Views
@@ -28,7 +29,7 @@ _TILE, _GAP, _CAPTION, _MARGIN = 176, 8, 40, 14
 
 
 def draw_strips(photo: Photo, items: Sequence[tuple[Annotation, Views]]) -> Image.Image:
-    """Draw one row for each annotation: crop, then candidates by rank with score and name.
+    """Draw one row for each annotation: crop, then candidates by rank with chance or score, and name.
 
     Args:
         photo: The photo.
@@ -69,7 +70,8 @@ def _row(
         _tile(image, view_image(views, i, _TILE - 8), left, top)
         if i == 0:
             draw.rectangle((left, top, left + _TILE - 1, top + _TILE - 1), outline=colour, width=4)
-        _caption(draw, left, top, f"{i + 1}   {candidate.score:.3f}", candidate.cad.name)
+        told = standing_text(i + 1, candidate.score, candidate.probability)
+        _caption(draw, left, top, told, candidate.cad.name)
 
 
 def _tile(image: Image.Image, picture: Image.Image, left: int, top: int) -> None:

@@ -61,6 +61,11 @@ def angles_text(pose: Pose4Dof) -> str:
     )
 
 
+def standing_text(rank: int, score: float, chance: float | None) -> str:
+    """``1 · chance 0.80``; of a candidate whose ranking tells no chance ``1 · score 0.154``."""
+    return f"{rank} · score {score:.3f}" if chance is None else f"{rank} · chance {chance:.2f}"
+
+
 def label_text(annotation: Annotation) -> str:
     """``car · Seat Leon · az 312° el 8° ip 0° · f 842 px``."""
     category, name = short(annotation.detection.category, 24), short(annotation.cad.name, 36)
