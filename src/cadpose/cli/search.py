@@ -64,7 +64,8 @@ def search(
         if name not in opened.categories:
             raise LibraryError(
                 f"the view index has no model of category {name!r}, it has "
-                f"{', '.join(sorted(opened.categories))}: run `cadpose library index`"
+                f"{', '.join(sorted(opened.categories))}: check the spelling, or run "
+                f"`cadpose library index` for what the library holds"
             )
         if not rotations:
             annotator = make_annotator(library, device=device, seed=seed)
