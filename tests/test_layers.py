@@ -28,7 +28,7 @@ TIERS: tuple[tuple[str, ...], ...] = (
     ("rotation",),
     ("detection",),
     ("library",),
-    ("photos", "rle", "jit", "encoder", "records", "weights", "errors", "onnx_session"),
+    ("photos", "rle", "jit", "encoder", "records", "weights", "errors", "onnx_session", "logistic"),
     ("geometry",),
 )
 TIER_OF = {part: depth for depth, parts in enumerate(TIERS) for part in parts}

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cadpose.errors import InputError
 from cadpose.geometry.frames import FloatArray
+from cadpose.logistic import Logistic
 
 FORMAT = "cadpose.rotation-calibration/1"
 #: An answer is right within this angle, degrees.
@@ -88,10 +89,8 @@ class Calibration:
     ) -> Calibration:
         """Fit to answers whose errors are known.
 
-        Newton's method on the log loss with an L2 penalty on the weights of standardised features. The
-        outcomes are drawn a little towards each other (Platt 1999), so that the model stays finite where
-        all answers are right or all wrong. The expected error is the mean over groups of like probability,
-        made monotone by pooling adjacent violators.
+        The chance is fitted by :meth:`cadpose.logistic.Logistic.fit`. The expected error is the mean over
+        groups of like probability, made monotone by pooling adjacent violators.
 
         Args:
             features: (N, F).
@@ -111,19 +110,17 @@ class Calibration:
             raise ValueError("features must be finite and errors in [0, 180] degrees")
         if not l2 > 0.0 or not 0.0 < target_precision <= 1.0:
             raise ValueError("l2 must be above 0 and the target precision in (0, 1]")
-        mean, spread = X.mean(axis=0), X.std(axis=0)
-        # A feature that never varies says nothing; rounding must not make it loud.
-        scale = np.where(spread > 1e-9 * np.abs(mean), spread, 1.0)
         right = error <= WITHIN
-        weights, bias = _newton((X - mean) / scale, right, l2)
-        p = _probability((X - mean) / scale @ weights + bias)
+        told = tuple(names) or tuple(f"feature{i}" for i in range(X.shape[1]))
+        fitted = Logistic.fit(X, right, told, l2=l2)
+        p = _probability(fitted.log_odds(X))
         knots, expected = _error_map(p, error)
         return cls(
-            names=tuple(names) or tuple(f"feature{i}" for i in range(X.shape[1])),
-            mean=mean,
-            scale=scale,
-            weights=weights,
-            bias=bias,
+            names=told,
+            mean=fitted.mean,
+            scale=fitted.scale,
+            weights=fitted.weights,
+            bias=fitted.bias,
             knots=knots,
             errors=expected,
             threshold=_threshold(p, right, target_precision),
@@ -202,38 +199,6 @@ class Calibration:
 def _probability(log_odds: FloatArray) -> FloatArray:
     # Beyond 35 the exponential says no more, and it must not overflow.
     return np.clip(1.0 / (1.0 + np.exp(-np.clip(log_odds, -35.0, 35.0))), _LEAST, 1.0 - _LEAST)
-
-
-def _newton(Z: FloatArray, right: NDArray[np.bool_], l2: float) -> tuple[FloatArray, float]:
-    """Weights (F,) and bias of the penalised logistic regression on (N, F) standardised features."""
-    hits = int(right.sum())
-    target = np.where(right, (hits + 1.0) / (hits + 2.0), 1.0 / (len(right) - hits + 2.0))
-    A = np.column_stack([Z, np.ones(len(Z))])
-    penalty = np.full(A.shape[1], l2)
-    penalty[-1] = 0.0
-
-    def loss(w: FloatArray) -> float:
-        s = A @ w
-        return float(np.sum(np.logaddexp(0.0, s) - target * s) + 0.5 * np.sum(penalty * w * w))
-
-    w = np.zeros(A.shape[1])
-    now = loss(w)
-    for _ in range(100):
-        p = 1.0 / (1.0 + np.exp(-np.clip(A @ w, -35.0, 35.0)))
-        gradient = A.T @ (p - target) + penalty * w
-        hessian = (A * (p * (1.0 - p))[:, None]).T @ A + np.diag(penalty + 1e-12)
-        step = np.linalg.solve(hessian, gradient)
-        # The loss is convex: a step that is halved often enough does not raise it.
-        size = 1.0
-        while size > 1e-6 and loss(w - size * step) > now:
-            size /= 2.0
-        if size <= 1e-6:
-            break
-        w = w - size * step
-        now = loss(w)
-        if np.abs(size * step).max() < 1e-10:
-            break
-    return w[:-1], float(w[-1])
 
 
 def _error_map(p: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cadpose.errors import DependencyError, InputError
 from cadpose.geometry.frames import FloatArray
+from cadpose.logistic import Logistic
 from cadpose.records import Candidate, RotationHypothesis
-from cadpose.similarity.joint.logistic import Logistic
 
 FORMAT = "cadpose.cad-confidence/1"
 #: The shipped one.

@@ -103,8 +103,9 @@ def _write(
         reference = network(*inputs.values())
     data = io.BytesIO()
     with warnings.catch_warnings():
-        # PyTorch's older exporter is meant, see docs/dependencies.md.
-        warnings.simplefilter("ignore")
+        # PyTorch's older exporter is meant, see docs/dependencies.md; it warns of slices it does not fold.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        warnings.filterwarnings("ignore", "Constant folding", UserWarning)
         torch.onnx.export(
             network,
             tuple(inputs.values()),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cadpose.similarity.joint.logistic import Logistic
+from cadpose.logistic import Logistic
 
 
 def sample(n: int = 4000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -68,27 +68,31 @@ class Logistic:
             raise ValueError(f"features {X.shape} must be finite (N, F), hits {hit.shape} (N,), l2 above 0")
         mean, spread = X.mean(axis=0), X.std(axis=0)
         # A feature that never varies says nothing; rounding must not make it loud.
-        scale = np.where(spread > 1e-9 * np.maximum(np.abs(mean), 1.0), spread, 1.0)
+        scale = np.where(spread > 1e-9 * np.abs(mean), spread, 1.0)
         n = int(hit.sum())
         target = np.where(hit, (n + 1.0) / (n + 2.0), 1.0 / (len(hit) - n + 2.0))
         A = np.column_stack([(X - mean) / scale, np.ones(len(X))])
-        penalty = np.append(np.full(X.shape[1], l2), 1e-9)
+        penalty = np.append(np.full(X.shape[1], l2), 0.0)
 
         def loss(w: FloatArray) -> float:
             s = A @ w
             return float(np.sum(np.logaddexp(0.0, s) - target * s) + 0.5 * np.sum(penalty * w * w))
 
         w = np.zeros(A.shape[1])
+        now = loss(w)
         for _ in range(_STEPS):
             p = _sigmoid(A @ w)
-            hessian = (A * (p * (1.0 - p))[:, None]).T @ A + np.diag(penalty)
+            hessian = (A * (p * (1.0 - p))[:, None]).T @ A + np.diag(penalty + 1e-12)
             step = np.linalg.solve(hessian, A.T @ (p - target) + penalty * w)
             # The loss is convex: a step that is halved often enough does not raise it.
             size = 1.0
-            while size > 1e-6 and loss(w - size * step) > loss(w):
+            while size > 1e-6 and loss(w - size * step) > now:
                 size /= 2.0
+            if size <= 1e-6:
+                break
             w = w - size * step
-            if np.abs(size * step).max() < 1e-9:
+            now = loss(w)
+            if np.abs(size * step).max() < 1e-10:
                 break
         return cls(tuple(names), mean, scale, w[:-1], float(w[-1]))
 
@@ -98,11 +102,18 @@ class Logistic:
         Raises:
             ValueError: the last axis is not as long as ``names``.
         """
+        return np.asarray(np.clip(_sigmoid(self.log_odds(features)), _LEAST, 1.0 - _LEAST))
+
+    def log_odds(self, features: ArrayLike) -> FloatArray:
+        """(..., F) features to (...) log odds.
+
+        Raises:
+            ValueError: the last axis is not as long as ``names``.
+        """
         X = np.asarray(features, float)
         if X.shape[-1:] != self.mean.shape:
             raise ValueError(f"features must be (..., {len(self.names)}), got {X.shape}")
-        p = _sigmoid((X - self.mean) / self.scale @ self.weights + self.bias)
-        return np.asarray(np.clip(p, _LEAST, 1.0 - _LEAST))
+        return np.asarray((X - self.mean) / self.scale @ self.weights + self.bias)
 
     def to_json(self) -> dict[str, Any]:
         """What `from_json` reads."""
