@@ -106,6 +106,7 @@ def _write(
         # PyTorch's older exporter is meant, see docs/dependencies.md; it warns of slices it does not fold.
         warnings.simplefilter("ignore", DeprecationWarning)
         warnings.filterwarnings("ignore", "Constant folding", UserWarning)
+        # It writes into a buffer too, which its type hints do not say.
         torch.onnx.export(
             network,
             tuple(inputs.values()),

@@ -197,7 +197,9 @@ def train_head(
                 seconds = round(time.monotonic() - start, 1)
                 report({"loss": float(loss.detach()), "seconds": seconds, "steps": steps})
         if unseen is not None and len(unseen):
-            report({"unseen": True, **summary(*head_errors(average.module, unseen), categories)})
+            averaged = average.module
+            assert isinstance(averaged, MapHead)
+            report({"unseen": True, **summary(*head_errors(averaged, unseen), categories)})
         if out is not None and not stopped:
             _checkpoint(out / CHECKPOINT, told, step, model, average, optimiser)
     trained = average.module.eval()
@@ -275,7 +277,7 @@ def _loss(
 
 
 @torch.no_grad()
-def head_errors(model: nn.Module, unseen: Maps, batch: int = 256) -> tuple[Tensor, Tensor]:
+def head_errors(model: MapHead, unseen: Maps, batch: int = 256) -> tuple[Tensor, Tensor]:
     """(M,) errors in degrees modulo symmetry about the upright axis, and (M,) category numbers."""
     was_training = model.training
     model.eval()
@@ -285,7 +287,7 @@ def head_errors(model: nn.Module, unseen: Maps, batch: int = 256) -> tuple[Tenso
         rows = slice(at, at + batch)
         cells = [torch.from_numpy(c[rows]).to(where) for c in unseen.cells]
         category = torch.from_numpy(unseen.category[rows]).to(where)
-        one_hot = functional.one_hot(category, model.category.in_features).float()  # type: ignore[union-attr, arg-type]
+        one_hot = functional.one_hot(category, len(model.categories)).float()
         logits, offsets, _ = model(cells[0], cells[1], one_hot)
         targets = Targets(
             torch.from_numpy(unseen.angles[rows]).to(where), torch.from_numpy(unseen.turns[rows]).to(where)

@@ -144,6 +144,7 @@ def train(
         torch.backends.cudnn.allow_tf32 = True
         torch.set_float32_matmul_precision("high")
         layout = GPU_LAYOUT
+    # Module.to takes a memory format; its type hints do not know of it beside a device.
     model = EmbeddedNetworks(source.categories, backbone).to(where, memory_format=layout)  # type: ignore[call-overload]
     encoder = FrozenEncoder().to(where, memory_format=layout)  # type: ignore[call-overload]
     average = moving_average(model, recipe.ema)
