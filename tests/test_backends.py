@@ -1,13 +1,24 @@
 from __future__ import annotations
 
 import sys
+import types
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cadpose.backends import Backends, embedded_detector, encoder_on
+from cadpose.backends import (
+    DETECTORS,
+    MASKS,
+    RFDETR_SIZE,
+    Backends,
+    detector_kind,
+    embedded_detector,
+    encoder_on,
+    make_detector,
+    make_masks,
+)
 from cadpose.encoder import lite0
 from cadpose.errors import CadposeError, DependencyError
 from cadpose.geometry.camera import Cameras
@@ -31,7 +42,9 @@ def backends() -> Backends:
 def test_names_give_stages(backends: Backends) -> None:
     assert isinstance(backends.renderer("raster"), Rasteriser)
     assert backends.detector("embedded", ["car"]).name == "embedded"
+    assert backends.detector("ssd", ["car"]).name == "ssd"
     assert backends.masks("grabcut").name == "grabcut"
+    assert backends.masks("none").name == "none"
     assert backends.rotation("render-and-compare", "raster").name == "render-and-compare"
     for name in ("aligned", "fused", "sm1", "sm2", "sm3", "sift-sm1"):
         assert backends.similarity(name).name
@@ -62,6 +75,59 @@ def test_stages_of_ones_own_and_unknown_names(
     with pytest.raises(CadposeError, match=rf"^unknown {stage} 'x', choose one of: \w") as told:
         make(backends, "x")
     assert "\n" not in str(told.value)
+
+
+def test_every_detector_and_mask_method_is_listed() -> None:
+    for name in DETECTORS:
+        kind, rest = detector_kind(name)
+        assert name == (f"{kind}:{rest}" if rest else kind)
+    assert detector_kind("onnx:a/b:c.json") == ("onnx", "a/b:c.json")
+    with pytest.raises(CadposeError) as told:
+        make_masks("x")
+    assert all(name in str(told.value) for name in MASKS)
+
+
+@pytest.mark.parametrize("name", ["embedded:", "embedded:x", "ssd:quarters", "rfdetr:", "onnx", "onnx:", ""])
+def test_a_detector_takes_no_other_words(name: str) -> None:
+    with pytest.raises(CadposeError, match=r"^unknown detector .*, choose one of: embedded, ssd, "):
+        make_detector(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "extra"),
+    [
+        ("detectors", "cadpose.detection.detectors", "detectors"),
+        ("rfdetr:nano", "cadpose.detection.rfdetr.detector", "rfdetr"),
+    ],
+)
+def test_a_missing_extra_is_told_with_its_pip_line(
+    name: str, module: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)  # importing it fails, as where what it needs is missing
+    with pytest.raises(DependencyError, match=rf"pip install 'cadpose\[{extra}\]'$"):
+        make_detector(name, ["car"])
+
+
+def test_a_detector_gets_what_was_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[tuple[object, ...]] = []
+    for module, name in (
+        ("cadpose.detection.rfdetr.detector", "RfDetrDetector"),
+        ("cadpose.detection.onnx_detector", "OnnxDetector"),
+        ("cadpose.detection.mask_network", "NetworkMasks"),
+    ):
+        stand_in = types.ModuleType(module)
+        setattr(stand_in, name, lambda *given, **named: made.append((*given, *named.values())))
+        monkeypatch.setitem(sys.modules, module, stand_in)
+    make_detector("rfdetr", ["car"])
+    make_detector("rfdetr:large", None, "cuda")
+    make_detector("onnx:my/head.json", ["bed"])
+    make_masks("network", "cuda")
+    assert made == [
+        (RFDETR_SIZE, ["car"], "cpu"),
+        ("large", None, "cuda"),
+        (Path("my/head.json"), ["bed"], "cpu"),
+        ("cuda",),
+    ]
 
 
 def folder_of(estimator: object) -> Path:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import os
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -36,6 +37,13 @@ from cadpose.weights import cache_folder
 if TYPE_CHECKING:
     from cadpose.rotation.render_and_compare import RenderAndCompare
     from cadpose.similarity.joint.ranker import JointRanker
+
+#: Detectors by name; what may follow a colon, or has to.
+DETECTORS = ("embedded", "ssd", "ssd:tiles", "detectors", "rfdetr", "rfdetr:SIZE", "onnx:FILE.json")
+#: Box-to-mask methods by name; ``none`` takes the whole box.
+MASKS = ("grabcut", "network", "none")
+#: RF-DETR's size where none is named.
+RFDETR_SIZE = "medium"
 
 
 @dataclass(frozen=True)
@@ -75,19 +83,15 @@ class Backends:
 
     def detector(self, which: object, categories: Sequence[str]) -> Detector:
         """A detector by name, looking for the given library categories."""
-
-        makers = {"embedded": lambda: embedded_detector(self.device, categories)}
-        return cast(Detector, _choose("detector", which, makers))
+        if not isinstance(which, str):
+            return cast(Detector, which)
+        return make_detector(which, categories, self.device)
 
     def masks(self, which: object) -> MaskEstimator:
         """A box-to-mask method by name."""
-
-        def grabcut() -> MaskEstimator:
-            from cadpose.detection.masks import GrabCutMasks
-
-            return GrabCutMasks(seed=self.seed)
-
-        return cast(MaskEstimator, _choose("masks", which, {"grabcut": grabcut}))
+        if not isinstance(which, str):
+            return cast(MaskEstimator, which)
+        return make_masks(which, self.device, self.seed)
 
     def rotation(self, which: object, renderer_name: str) -> RotationEstimator:
         """A rotation estimator by name."""
@@ -220,7 +224,7 @@ def _choose(stage: str, which: object, makers: Mapping[str, Callable[[], Any]]) 
     if not isinstance(which, str):
         return which
     if which not in makers:
-        raise CadposeError(f"unknown {stage} {which!r}, choose one of: {', '.join(makers)}")
+        raise _unknown(stage, which, makers)
     return makers[which]()
 
 
@@ -243,8 +247,108 @@ def encoder_on(device: str, threads: int = 0) -> Lite0:
     return lite0(device, threads)
 
 
-def embedded_detector(device: str = "cpu", categories: Sequence[str] | None = None) -> Detector:
+def embedded_detector(device: str = "cpu", categories: Collection[str] | None = None) -> Detector:
     """The default detector, looking for the given library categories or all that it knows."""
     from cadpose.detection.embedded import EmbeddedDetector
 
     return EmbeddedDetector(categories, encoder=encoder_on(device))
+
+
+def make_detector(name: str, categories: Collection[str] | None = None, device: str = "cpu") -> Detector:
+    """A detector by its name on the command line.
+
+    Args:
+        name: One of ``DETECTORS``; ``SIZE`` is one of RF-DETR's, ``FILE.json`` describes an ONNX file.
+        categories: Library categories to look for; None means all that it knows.
+        device: ``"cpu"`` or ``"cuda"``.
+
+    Raises:
+        CadposeError: the name is unknown.
+        DependencyError: an extra, a device or weights are missing; the message says how to get them.
+        InputError: the file that ``onnx:`` names cannot be used.
+    """
+    kind, rest = detector_kind(name)
+
+    def ssd() -> Detector:
+        from cadpose.detection.ssd_detector import SsdDetector
+
+        return SsdDetector(categories, tiles=bool(rest))
+
+    def detectors() -> Any:
+        return _optional("cadpose.detection.detectors", "DetectorsDetector", name)(categories, device)
+
+    def rfdetr() -> Any:
+        made = _optional("cadpose.detection.rfdetr.detector", "RfDetrDetector", name)
+        return made(rest or RFDETR_SIZE, categories, device)
+
+    def onnx() -> Any:
+        made = _optional("cadpose.detection.onnx_detector", "OnnxDetector", name)
+        return made(Path(rest), categories, device)
+
+    makers: dict[str, Callable[[], Any]] = {
+        "embedded": lambda: embedded_detector(device, categories),
+        "ssd": ssd,
+        "detectors": detectors,
+        "rfdetr": rfdetr,
+        "onnx": onnx,
+    }
+    return cast(Detector, makers[kind]())
+
+
+def detector_kind(name: str) -> tuple[str, str]:
+    """A detector's name as it is and what follows its colon, empty where nothing does.
+
+    Raises:
+        CadposeError: there is no such detector, or it takes no such word.
+    """
+    kind, colon, rest = name.partition(":")
+    # What may follow; None is any word, and an empty one stands for no colon.
+    words: dict[str, tuple[str, ...] | None] = {
+        "embedded": ("",), "ssd": ("", "tiles"), "detectors": ("",), "rfdetr": None, "onnx": None,
+    }  # fmt: skip
+    known = kind in words and not (colon and not rest) and not (kind == "onnx" and not rest)
+    allowed = words.get(kind)
+    if not known or (allowed is not None and rest not in allowed):
+        raise _unknown("detector", name, DETECTORS)
+    return kind, rest
+
+
+def make_masks(name: str, device: str = "cpu", seed: int = 0) -> MaskEstimator:
+    """A box-to-mask method by its name on the command line.
+
+    Raises:
+        CadposeError: the name is none of ``MASKS``.
+        DependencyError: something that it needs is missing.
+    """
+
+    def grabcut() -> MaskEstimator:
+        from cadpose.detection.masks import GrabCutMasks
+
+        return GrabCutMasks(seed=seed)
+
+    def network() -> Any:
+        return _optional("cadpose.detection.mask_network", "NetworkMasks", name)(device=device)
+
+    def none() -> MaskEstimator:
+        from cadpose.detection.box_masks import BoxMasks
+
+        return BoxMasks()
+
+    makers: dict[str, Callable[[], Any]] = {"grabcut": grabcut, "network": network, "none": none}
+    return cast(MaskEstimator, _choose("masks", name, makers))
+
+
+def _optional(module: str, name: str, asked_for: str) -> Any:
+    """A class of a module that may need an extra."""
+    try:
+        return getattr(import_module(module), name)
+    except ImportError as error:
+        lacking = error.name or str(error)
+        extra = asked_for.partition(":")[0]
+        raise DependencyError(
+            f"{asked_for} needs {lacking}, which is not installed: pip install 'cadpose[{extra}]'"
+        ) from error
+
+
+def _unknown(stage: str, name: object, known: Collection[str]) -> CadposeError:
+    return CadposeError(f"unknown {stage} {name!r}, choose one of: {', '.join(known)}")

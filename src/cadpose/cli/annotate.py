@@ -11,10 +11,12 @@ from cadpose.cli.options import (
     AlignTo,
     Candidates,
     Categories,
+    DetectorName,
     Device,
     Estimator,
     Json,
     LibraryFolder,
+    MasksName,
     RendererName,
     Seed,
     Similarity,
@@ -44,6 +46,8 @@ def annotate(
     detections: Annotated[
         Path | None, typer.Option("--detections", help="COCO JSON with boxes, masks, rotations.")
     ] = None,
+    detector: DetectorName = "embedded",
+    masks: MasksName = "grabcut",
     library: LibraryFolder = None,
     candidates: Candidates = 10,
     index: Annotated[
@@ -90,6 +94,8 @@ def annotate(
         align_to=align_to,
         estimator=estimator,
         categories=None if known else category,
+        detector=detector,
+        masks=masks,
     )
     outcomes: list[PhotoOutcome] = []
     keep = None if store is None else Store(store)

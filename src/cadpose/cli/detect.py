@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cadpose.cli.options import Categories, Device, Json, Seed
+from cadpose.cli.options import Categories, DetectorName, Device, Json, Seed
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
 
 
@@ -15,6 +15,7 @@ def detect(
     photos: Annotated[list[str], typer.Argument(metavar="PHOTO|DIR|GLOB...", help="Photographs.")],
     category: Categories = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Draw the boxes into this folder.")] = None,
+    detector: DetectorName = "embedded",
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
@@ -23,7 +24,7 @@ def detect(
     from cadpose.annotations.boxes import draw_detections
     from cadpose.annotations.files import output_paths, spare_photos, write_atomic
     from cadpose.annotations.style import png_bytes
-    from cadpose.backends import embedded_detector
+    from cadpose.backends import make_detector
     from cadpose.errors import CadposeError
     from cadpose.library.class_map import CATEGORIES
     from cadpose.photos import find_photos, read_photo
@@ -35,13 +36,13 @@ def detect(
     pictures = [p.json.with_suffix(".detections.png") for p in output_paths(paths, out or Path())]
     if out is not None:
         spare_photos(pictures, paths)
-    detector = embedded_detector(device, category)
+    finder = make_detector(detector, category, device)
     told: list[dict[str, Any]] = []
     with progress_bar("detect", len(paths)) as bar:
         for path, picture in zip(paths, pictures, strict=True):
             try:
                 photo = read_photo(path)
-                found = detector.detect(photo)
+                found = finder.detect(photo)
                 if out is not None:
                     write_atomic(picture, png_bytes(draw_detections(photo, found)))
                 objects = [

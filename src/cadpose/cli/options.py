@@ -60,6 +60,33 @@ Estimator = Annotated[
     Literal["embedded", "render-and-compare", "posecontrast"],
     typer.Option("--estimator", help="What estimates the rotation."),
 ]
+
+
+def _known_detector(name: str) -> str:
+    from cadpose.backends import detector_kind
+    from cadpose.errors import CadposeError
+
+    try:
+        detector_kind(name)
+    except CadposeError as error:
+        raise typer.BadParameter(str(error)) from None
+    return name
+
+
+def _known_detectors(names: list[str] | None) -> list[str] | None:
+    return names and list(dict.fromkeys(_known_detector(name) for name in names))
+
+
+_DETECTOR_HELP = "What finds the objects: embedded, ssd, detectors, rfdetr, onnx:FILE.json"
+DetectorName = Annotated[str, typer.Option("--detector", callback=_known_detector, help=f"{_DETECTOR_HELP}.")]
+DetectorNames = Annotated[
+    list[str] | None,
+    typer.Option("--detector", callback=_known_detectors, help=f"{_DETECTOR_HELP}; repeatable."),
+]
+MasksName = Annotated[
+    Literal["grabcut", "network", "none"],
+    typer.Option("--masks", help="What finds an object's pixels in its box; none takes the whole box."),
+]
 AlignTo = Annotated[
     Literal["box", "paper", "mask"],
     typer.Option(
@@ -80,6 +107,8 @@ def make_annotator(
     align_to: str = "box",
     estimator: str = "embedded",
     categories: list[str] | None = None,
+    detector: str = "embedded",
+    masks: str = "grabcut",
 ) -> Annotator:
     """The annotator that the options ask for; imported here, so that ``--help`` is quick."""
     from cadpose.pipeline import Annotator
@@ -95,4 +124,6 @@ def make_annotator(
         align_to=align_to,
         rotation=estimator,
         categories=categories,
+        detector=detector,
+        masks=masks,
     )
