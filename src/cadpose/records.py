@@ -143,6 +143,9 @@ class Detection:
         source: What made it: ``"embedded"``, ``"user"``, ``"file"`` ...
         rotation: A rotation given from outside, if any.
         alternatives: Other categories with their scores, best first.
+        truncated: The box touches the photo's edge, so that part of the object may lie beyond it.
+        tiny: The box has too few pixels to be trusted; :mod:`cadpose.detection.flags` sets both.
+        unsure: There is an object, but its category is a guess; the detector sets it.
 
     Raises:
         ValueError: the score is outside [0, 1] or the mask is not a 2-D bool array.
@@ -155,6 +158,9 @@ class Detection:
     source: str = "user"
     rotation: Rotation | None = None
     alternatives: tuple[tuple[str, float], ...] = ()
+    truncated: bool = False
+    tiny: bool = False
+    unsure: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.score <= 1.0:
@@ -219,9 +225,7 @@ class Views:
     def __post_init__(self) -> None:
         shape = self.alpha.shape
         if self.rgb.shape != (*shape, 3) or self.depth.shape != shape or self.alpha.ndim != 3:
-            raise ValueError(
-                f"Views: rgb {self.rgb.shape}, alpha {shape}, depth {self.depth.shape} do not fit together"
-            )
+            raise ValueError(f"Views: rgb {self.rgb.shape}, alpha {shape}, depth {self.depth.shape} differ")
         if self.rgb.dtype != np.uint8 or self.alpha.dtype != np.uint8 or self.depth.dtype != np.float32:
             raise ValueError(
                 f"Views: rgb and alpha are uint8, depth float32; got {self.rgb.dtype}, "
@@ -375,12 +379,10 @@ class Annotation:
             raise ValueError("an annotation needs at least one CAD candidate")
         if min(self.photo_size) < 1:
             raise ValueError(f"photo_size {self.photo_size} must be positive")
-        if not 0.0 <= self.box_iou <= 1.0 + 1e-9:
-            raise ValueError(f"box_iou {self.box_iou} is outside [0, 1]")
-        if self.mask_iou is not None and not 0.0 <= self.mask_iou <= 1.0 + 1e-9:
-            raise ValueError(f"mask_iou {self.mask_iou} is outside [0, 1]")
-        if self.none_probability is not None and not 0.0 <= self.none_probability <= 1.0 + 1e-9:
-            raise ValueError(f"none_probability {self.none_probability} is outside [0, 1]")
+        for name in ("box_iou", "mask_iou", "none_probability"):
+            share = getattr(self, name)
+            if share is not None and not 0.0 <= share <= 1.0 + 1e-9:
+                raise ValueError(f"{name} {share} is outside [0, 1]")
 
     @property
     def cad(self) -> CadModel:

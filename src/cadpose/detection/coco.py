@@ -1,4 +1,4 @@
-"""The 80 classes of COCO by the ids of its annotation files, which have gaps."""
+"""The 80 classes of COCO by the ids of its annotation files, which have gaps; some of them are ignored."""
 
 from __future__ import annotations
 
@@ -16,3 +16,12 @@ COCO_NAMES: dict[int, str] = {
     79: "oven", 80: "toaster", 81: "sink", 82: "refrigerator", 84: "book", 85: "clock", 86: "vase",
     87: "scissors", 88: "teddy bear", 89: "hair drier", 90: "toothbrush",
 }  # fmt: skip
+
+#: COCO ids of people, animals and food: never an object of the library, so ignored by default.
+LIVING = frozenset([1, *range(16, 26), *range(52, 62)])
+_LIVING_NAMES = frozenset(COCO_NAMES[i] for i in LIVING)
+
+
+def is_living(name: str) -> bool:
+    """Whether a class of that name is people, an animal or food; case and blanks around it do not matter."""
+    return name.strip().lower() in _LIVING_NAMES

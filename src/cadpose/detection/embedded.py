@@ -18,9 +18,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cadpose.detection.coco import COCO_NAMES
+from cadpose.detection.coco import COCO_NAMES, LIVING
 from cadpose.detection.imagenet import GREY, category_probabilities
 from cadpose.detection.ssd import RawBoxes, Ssd
+from cadpose.detection.suppression import share_inside, suppress
 from cadpose.encoder import Lite0, lite0
 from cadpose.geometry.boxes import Box, box_iou
 from cadpose.geometry.frames import FloatArray
@@ -48,8 +49,6 @@ MOST = 16
 SURE = 0.5
 #: COCO calls pickups trucks and vans buses, which a library files under cars: half a vote for those.
 VANS = frozenset([6, 8])
-#: COCO ids of people, animals and food: never an object of the library.
-LIVING = frozenset([1, *range(16, 26), *range(52, 62)])
 
 
 @dataclass(slots=True)
@@ -108,7 +107,7 @@ class EmbeddedDetector:
         for place, box, probabilities in zip(places, boxes, seen[:-1], strict=True):
             if ranked := _fused(place, _own(place, probabilities, places), self.categories):
                 found.append(_detection(box, ranked, self.name))
-        kept = _without_repeats([d for d in found if d.score >= self.min_score])
+        kept = suppress([d for d in found if d.score >= self.min_score])
         kept += self._unboxed(photo, kept, raw, seen[-1])
         return sorted(kept, key=lambda d: -d.score)[: self.most]
 
@@ -155,7 +154,7 @@ def _own(place: _Place, seen: dict[str, float], places: list[_Place]) -> dict[st
     """Lite0's word on a place without what the SSD boxed within it: a bottle makes no bottle of its table."""
     own = dict(seen)
     for other in places:
-        if other is not place and _inside(other.box, place.box) > HELD:
+        if other is not place and share_inside(other.box, place.box) > HELD:
             for category, vote in other.votes.items():
                 if vote >= CLEAR and category not in place.votes:
                     own[category] = 0.0
@@ -216,23 +215,3 @@ def _places(raw: RawBoxes) -> list[_Place]:
 
 def _area(box: FloatArray) -> float:
     return float((box[2:] - box[:2]).prod())
-
-
-def _without_repeats(found: list[Detection]) -> list[Detection]:
-    """Greedy suppression: half overlap across categories; nine tenths inside its like within one."""
-    kept: list[Detection] = []
-    for d in sorted(found, key=lambda d: -d.score):
-        box = np.array(d.box.to_tuple())
-        if not any(
-            box_iou(box, np.array(k.box.to_tuple())) > (0.5 if k.category == d.category else SAME_PLACE)
-            or (k.category == d.category and _inside(box, np.array(k.box.to_tuple())) > 0.9)
-            for k in kept
-        ):
-            kept.append(d)
-    return kept
-
-
-def _inside(a: FloatArray, b: FloatArray) -> float:
-    """Share of the box ``a`` that lies in ``b``."""
-    sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
-    return float(sides.clip(0.0).prod()) / _area(a)
