@@ -223,9 +223,9 @@ class Views:
     depth: NDArray[np.float32]
 
     def __post_init__(self) -> None:
-        shape = self.alpha.shape
-        if self.rgb.shape != (*shape, 3) or self.depth.shape != shape or self.alpha.ndim != 3:
-            raise ValueError(f"Views: rgb {self.rgb.shape}, alpha {shape}, depth {self.depth.shape} differ")
+        shape, depth = self.alpha.shape, self.depth.shape
+        if self.rgb.shape != (*shape, 3) or depth != shape or self.alpha.ndim != 3:
+            raise ValueError(f"Views: rgb {self.rgb.shape}, alpha {shape}, depth {depth} do not fit")
         if self.rgb.dtype != np.uint8 or self.alpha.dtype != np.uint8 or self.depth.dtype != np.float32:
             raise ValueError(
                 f"Views: rgb and alpha are uint8, depth float32; got {self.rgb.dtype}, "
