@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cadpose.detection import Detector, coco_json
+from cadpose.detection import Detector, coco_json, reading
 from cadpose.detection.coco_json import FileDetector
 from cadpose.errors import InputError
 from cadpose.records import Photo, Rotation
@@ -53,6 +53,38 @@ def test_best_first_crowds_left_out_other_photos_untouched(tmp_path: Path) -> No
     made = detector(tmp_path, document)
     assert [d.score for d in made.detect(PHOTO)] == [0.9, 0.2]
     assert made.detect(Photo(rgb=PHOTO.rgb, name="other.jpg")) == []
+
+
+def test_people_animals_and_food_are_left_out_unless_asked_for(tmp_path: Path) -> None:
+    document = content()
+    document["categories"] += [{"id": 1, "name": "person"}, {"id": 59, "name": "pizza"}]
+    base = document["annotations"][0]
+    document["annotations"] += [base | {"category_id": 1}, base | {"category_id": 59}]
+    assert [d.category for d in detector(tmp_path, document).detect(PHOTO)] == ["car"]
+    assert [d.category for d in detector(tmp_path, document, categories=["person"]).detect(PHOTO)] == [
+        "person"
+    ]
+
+
+def test_which_photos_it_knows(tmp_path: Path) -> None:
+    document = content()
+    document["images"].append({"id": 8, "file_name": "empty.jpg"})
+    made = detector(tmp_path, document)
+    assert made.knows("x/img_1.jpg") and made.knows("empty.jpg") and not made.knows("other.jpg")
+
+
+def test_what_a_detector_was_unsure_of_comes_back(tmp_path: Path) -> None:
+    others = [{"category": "bus", "score": 0.3}, {"category": "bed", "score": 0.1}]
+    (found,) = detector(tmp_path, content(unsure=True, alternatives=others)).detect(PHOTO)
+    assert found.unsure and found.alternatives == (("bus", 0.3), ("bed", 0.1))
+
+
+def test_too_many_masks_for_a_photo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reading, "MAX_MASK_BYTES", 60 * 40)
+    document = content(segmentation=[[10, 5, 30, 5, 30, 35, 10, 35]])
+    document["annotations"] *= 2
+    with pytest.raises(InputError, match="2 masks of"):
+        detector(tmp_path, document).detect(PHOTO)
 
 
 def test_folders_tell_photos_of_the_same_name_apart(tmp_path: Path) -> None:

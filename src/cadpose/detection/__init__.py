@@ -15,3 +15,11 @@ class Detector(Protocol):
     def detect(self, photo: Photo) -> list[Detection]:
         """Detections with library categories, best first; an empty list where nothing is found."""
         ...
+
+
+class DetectionSource(Detector, Protocol):
+    """A detector that tells what others found, of the photos that they looked at."""
+
+    def knows(self, photo_name: str) -> bool:
+        """Whether it was told anything of the photo of that name, be it that there is no object."""
+        ...

@@ -3,21 +3,24 @@
 The file holds ``images``, ``categories`` and ``annotations`` as COCO defines them; ``bbox`` is
 [x, y, width, height]; ``segmentation`` may be polygons, or runs as numbers or text. Beside COCO's own keys
 an annotation may tell ``score``, and ``azimuth``, ``elevation`` and ``inplane`` in degrees. Images are
-found by file name; crowds (``iscrowd`` 1) are left out.
+found by file name. Crowds (``iscrowd`` 1) are left out, and people, animals and food unless asked for.
+:mod:`cadpose.detection.coco_writing` writes what this reads, with ``unsure`` and ``alternatives`` as well.
 """
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from collections.abc import Collection
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from cadpose.detection.photo_names import PhotoIndex
 from cadpose.detection.polygons import mask_from_polygons
+from cadpose.detection.reading import check_room, is_wanted, library_category, read_capped
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
-from cadpose.library.class_map import category_from_name
 from cadpose.records import Detection, Mask, Photo, Rotation
 from cadpose.rle import decode_mask, runs_from_text
 
@@ -49,6 +52,11 @@ class _Runs(_Model):
     counts: list[int] | str
 
 
+class _Alternative(_Model):
+    category: Annotated[str, Field(min_length=1, max_length=200)]
+    score: _Number
+
+
 class _Annotation(_Model):
     image_id: int
     category_id: int
@@ -59,6 +67,8 @@ class _Annotation(_Model):
     azimuth: _Number | None = None
     elevation: Annotated[float, Field(ge=-90.0, le=90.0)] | None = None
     inplane: _Number | None = None
+    unsure: bool = False
+    alternatives: list[_Alternative] = []
 
 
 class _File(_Model):
@@ -84,10 +94,10 @@ class FileDetector:
         self.path = Path(path)
         self.categories = None if categories is None else frozenset(categories)
         content = _parsed(self.path)
-        self._names = {c.id: category_from_name(c.name) or c.name.strip().lower() for c in content.categories}
-        self._images: dict[str, list[_Image]] = {}
+        self._names = {c.id: library_category(c.name) for c in content.categories}
+        self._images: PhotoIndex[_Image] = PhotoIndex(self.path, "give their folders in file_name")
         for image in content.images:
-            self._images.setdefault(_parts(image.file_name)[-1], []).append(image)
+            self._images.add(image.file_name, image)
         self._annotations: dict[int, list[tuple[int, _Annotation]]] = {}
         for i, annotation in enumerate(content.annotations):
             if annotation.category_id not in self._names:
@@ -102,7 +112,7 @@ class FileDetector:
         Raises:
             InputError: an annotation does not fit the photo.
         """
-        image = self._image(photo)
+        image = self._images.find(photo.name)
         if image is None:
             return []
         told = (image.width or photo.width, image.height or photo.height)
@@ -111,23 +121,18 @@ class FileDetector:
                 f"{self.path} says that {image.file_name} has {told[0]} x {told[1]} pixels but it has "
                 f"{photo.width} x {photo.height} upright: make the boxes on the photo as it is seen."
             )
-        found = [
-            self._detection(i, annotation, photo)
+        wanted = [
+            (i, annotation)
             for i, annotation in self._annotations.get(image.id, ())
-            if not annotation.iscrowd
-            and (self.categories is None or self._names[annotation.category_id] in self.categories)
+            if not annotation.iscrowd and is_wanted(self._names[annotation.category_id], self.categories)
         ]
+        check_room(self.path, sum(annotation.segmentation is not None for _, annotation in wanted), photo)
+        found = [self._detection(i, annotation, photo) for i, annotation in wanted]
         return sorted(found, key=lambda d: -d.score)
 
-    def _image(self, photo: Photo) -> _Image | None:
-        """The entry whose path agrees with the photo's the furthest, from the file name upwards."""
-        parts = _parts(photo.name)
-        entries = self._images.get(parts[-1], []) if parts else []
-        agreement = [_common_tail(parts, _parts(e.file_name)) for e in entries]
-        best = [e for e, a in zip(entries, agreement, strict=True) if a == max(agreement)]
-        if len(best) > 1:
-            raise InputError(f"{self.path} has several images {parts[-1]}: give their folders in file_name.")
-        return best[0] if best else None
+    def knows(self, photo_name: str) -> bool:
+        """Whether the file has an image of that file name."""
+        return self._images.has(photo_name)
 
     def _detection(self, i: int, annotation: _Annotation, photo: Photo) -> Detection:
         try:
@@ -152,6 +157,8 @@ class FileDetector:
             mask=mask,
             source="file",
             rotation=rotation,
+            alternatives=tuple((other.category, other.score) for other in annotation.alternatives),
+            unsure=annotation.unsure,
         )
 
     def _error(self, i: int, what: str) -> InputError:
@@ -160,18 +167,9 @@ class FileDetector:
 
 def _parsed(path: Path) -> _File:
     """The file's content, checked; InputError in one sentence otherwise."""
+    data = read_capped(path, MAX_BYTES, "a detections file in COCO's JSON")
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path} is larger than the limit of {MAX_BYTES // 2**20} MB: split it.")
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise InputError(
-            f"{path} cannot be read ({reason}): name a detections file in COCO's JSON."
-        ) from None
-    try:
-        return _File.model_validate_json(data)
+        return _File.model_validate_json(data.removeprefix(BOM_UTF8))
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False, include_context=False)[0]
         where = ".".join(str(piece) for piece in first["loc"])
@@ -195,19 +193,3 @@ def _mask(segmentation: list[list[float]] | _Runs | None, photo: Photo) -> Mask 
     if not mask.any():
         raise ValueError("it covers no pixel")
     return mask
-
-
-def _parts(name: str) -> tuple[str, ...]:
-    """Path pieces without dots and roots; separators of either kind."""
-    pieces = PurePosixPath(name.replace("\\", "/")).parts
-    return tuple(p for p in pieces if p not in ("/", ".", "..")) or (name,)
-
-
-def _common_tail(a: tuple[str, ...], b: tuple[str, ...]) -> int:
-    """Number of equal pieces from the end."""
-    count = 0
-    for x, y in zip(reversed(a), reversed(b), strict=False):
-        if x != y:
-            break
-        count += 1
-    return count

@@ -1,0 +1,75 @@
+"""What every reader of others' detections shares: limits before anything is unpacked, and categories."""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Collection
+from pathlib import Path
+
+from cadpose.detection.coco import is_living
+from cadpose.errors import InputError
+from cadpose.library.class_map import category_from_name
+from cadpose.records import Photo
+
+#: Most bytes that the masks of one photo's objects may take in memory, a byte a pixel.
+MAX_MASK_BYTES = 10**9
+
+
+def read_capped(path: Path, limit: int, kind: str) -> bytes:
+    """A regular file's bytes.
+
+    Args:
+        path: The file.
+        limit: Most bytes that are read.
+        kind: What the file should be, as ``"a detections file"``, for the message.
+
+    Raises:
+        InputError: it cannot be read, is no regular file, or is larger.
+    """
+    # One more than the limit, since a file's size may be told wrong, or grow.
+    data = read_start(path, limit + 1, kind)
+    if len(data) > limit:
+        raise InputError(f"{path} is larger than the limit of {limit // 2**20} MB: split it.")
+    return data
+
+
+def read_start(path: Path, count: int, kind: str) -> bytes:
+    """The first ``count`` bytes of a regular file, or all where it has fewer.
+
+    Raises:
+        InputError: it cannot be read or is no regular file.
+    """
+    try:
+        # Looked at before it is opened: a pipe would wait for a writer.
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise InputError(f"{path} cannot be read (it is not a file): name {kind}.")
+        with path.open("rb") as file:
+            return file.read(count)
+    except (OSError, ValueError) as error:  # ValueError: a name with a null character
+        reason = getattr(error, "strerror", None) or type(error).__name__
+        raise InputError(f"{path} cannot be read ({reason}): name {kind}.") from None
+
+
+def check_room(path: Path, count: int, photo: Photo) -> None:
+    """Refuse more masks of a photo than memory should hold.
+
+    Raises:
+        InputError: ``count`` masks of the photo's size exceed ``MAX_MASK_BYTES``.
+    """
+    most = max(MAX_MASK_BYTES // (photo.width * photo.height), 1)
+    if count > most:
+        raise InputError(
+            f"{path} has {count} masks of {photo.name}, and at its size no more than {most} are taken: "
+            f"leave some out, or make the photo smaller."
+        )
+
+
+def library_category(word: str) -> str:
+    """The library's name of what a file calls an object; its own word in lower case where there is none."""
+    return category_from_name(word) or word.strip().lower()
+
+
+def is_wanted(word: str, categories: Collection[str] | None) -> bool:
+    """Whether objects of that class are taken: those asked for, else all but people, animals and food."""
+    category = library_category(word)
+    return not is_living(category) if categories is None else category in categories
