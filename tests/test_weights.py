@@ -203,6 +203,23 @@ def test_a_published_md5_is_checked(cache: Path) -> None:
         placed(Unpublished("net", "net.pth", "https://example.org", "unknown", "0" * 32))
 
 
+def test_the_published_start_of_a_sha256_is_checked(cache: Path) -> None:
+    cache.mkdir(parents=True)
+    (cache / "net.pth").write_bytes(DATA)
+    right = hashlib.sha256(DATA).hexdigest()[:8]
+    entry = Unpublished("net", "net.pth", "https://example.org", "unknown", sha256_start=right)
+    assert placed(entry).is_file()
+    (cache / "net.pth").write_bytes(DATA + DATA)
+    with pytest.raises(DependencyError, match=f"SHA-256 does not begin with {right}"):
+        placed(entry)
+    # The start holds on first use too, and the name that OpenMMLab gave tells it.
+    named = UNPUBLISHED["detectors-htc-r50"]
+    assert named.file.endswith(f"-{named.sha256_start}.pth") and named.url.endswith(named.file)
+    (cache / named.file).write_bytes(DATA)
+    with pytest.raises(DependencyError, match="does not begin with 329b1453"):
+        placed(named)
+
+
 def test_a_folder_that_cannot_be_written_is_no_obstacle(
     cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

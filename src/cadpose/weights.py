@@ -156,6 +156,7 @@ class Unpublished:
         url: Where a person can fetch it.
         licence: As its publisher tells, ``"unknown"`` where not.
         md5: Published MD5, or empty.
+        sha256_start: First digits of the SHA-256, where the file's name tells them, or empty.
     """
 
     name: str
@@ -163,6 +164,7 @@ class Unpublished:
     url: str
     licence: str
     md5: str = ""
+    sha256_start: str = ""
 
     @property
     def path(self) -> Path:
@@ -185,6 +187,15 @@ UNPUBLISHED: dict[str, Unpublished] = {
             file="delf_v1_20171026.tar.gz",
             url="https://storage.googleapis.com/delf/delf_v1_20171026.tar.gz",
             licence="Apache-2.0",
+        ),
+        # OpenMMLab ends a file's name with the first eight digits of its SHA-256.
+        Unpublished(
+            name="detectors-htc-r50",
+            file="detectors_htc_r50_1x_coco-329b1453.pth",
+            url="https://download.openmmlab.com/mmdetection/v2.0/detectors/detectors_htc_r50_1x_coco/"
+            "detectors_htc_r50_1x_coco-329b1453.pth",
+            licence="Apache-2.0",
+            sha256_start="329b1453",
         ),
     )
 }
@@ -237,8 +248,9 @@ def placed(weights: Unpublished) -> Path:
     """
     name, path = weights.name, weights.path
     if not path.is_file():
+        whole = "whole " if weights.sha256_start else ""
         raise DependencyError(
-            f"the weights {name} are not fetched by cadpose, for no SHA-256 of them is published: "
+            f"the weights {name} are not fetched by cadpose, for no {whole}SHA-256 of them is published: "
             f"fetch {weights.url} and put it at {path}"
         )
     try:
@@ -247,6 +259,11 @@ def placed(weights: Unpublished) -> Path:
                 f"{path} is not the published file (MD5 differs): fetch {weights.url} again"
             )
         digest = _digest(path, path.stat().st_mtime_ns)
+        if not digest.startswith(weights.sha256_start):
+            raise DependencyError(
+                f"{path} is not the published file (its SHA-256 does not begin with {weights.sha256_start}): "
+                f"fetch {weights.url} again"
+            )
     except OSError as error:
         raise DependencyError(f"{path} cannot be read ({error.strerror}), look at its permissions") from None
     record = path.with_name(path.name + ".sha256")
