@@ -16,6 +16,7 @@ from cadpose.cli import (
     blender,
     dataset,
     detect,
+    detectors,
     doctor,
     evaluate,
     experiment,
@@ -71,6 +72,7 @@ app.command("bench")(bench.bench)
 app.command("synth")(synth.synth)
 app.add_typer(train.app, name="train")
 app.add_typer(blender.app, name="blender")
+app.add_typer(detectors.app, name="detectors")
 
 
 def main() -> None:
