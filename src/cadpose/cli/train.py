@@ -193,6 +193,50 @@ def triplet(
     typer.echo(f"Network: {report.network}")
 
 
+@app.command("masks")
+def masks(
+    out: Annotated[Path, typer.Option("--out", help="Folder for checkpoint, curves and network.")],
+    library: LibraryFolder = None,
+    backgrounds: Annotated[
+        Path | None,
+        typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
+    ] = None,
+    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Optimiser steps.")] = None,
+    batch: Annotated[int | None, typer.Option("--batch", min=2, help="Objects a step.")] = None,
+    workers: Annotated[int, typer.Option("--workers", min=0, help="Processes that draw; 0: one a core.")] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the training in --out.")] = False,
+    json: Json = False,
+    device: Device = "cpu",
+    seed: Seed = 0,
+) -> None:
+    """Train the network that finds the mask of the object in a box."""
+    from cadpose.training.architectures import TrainingOptions, training_module
+
+    trainer = training_module("cadpose.training.masks.train")
+    options = TrainingOptions(
+        out=out,
+        library=library,
+        backgrounds=backgrounds,
+        steps=steps,
+        batch_size=batch,
+        workers=workers,
+        resume=resume,
+        device=device,
+        seed=seed,
+    )
+    with progress_bar("training", None) as bar:
+        report = trainer.train(
+            options, lambda done, total: bar.update(bar.tasks[0].id, completed=done, total=total)
+        )
+    if json:
+        told = {"network": str(report.network), "checkpoint": str(report.checkpoint)}
+        print_json({**told, "curves": str(report.curves), "validation": report.validation})
+        return
+    columns = ("step", "iou", "median", "over90")
+    print_table("masks", columns, [[_number(row.get(c)) for c in columns] for row in report.epochs])
+    typer.echo(f"Network: {report.network}")
+
+
 @app.command("export")
 def export(
     weights: Annotated[str, typer.Argument(help="A checkpoint, or a known name: posecontrast-pascal3d.")],

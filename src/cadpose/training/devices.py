@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
+
 import torch
 
 from cadpose.errors import DependencyError
@@ -28,3 +31,22 @@ def repeatable_device(name: str) -> torch.device:
     torch.backends.cudnn.deterministic = True
     torch.backends.cudnn.benchmark = False
     return device
+
+
+#: Of glibc's malloc.h.
+_TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD = -1, -2, -3
+
+
+def keep_memory() -> None:
+    """Have glibc keep the memory that tensors give back: fetching it anew takes half of a step's time.
+
+    Other C libraries stay as they are.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        mallopt = ctypes.CDLL(None).mallopt
+        for parameter, size in (
+            (_MMAP_THRESHOLD, 1 << 30),
+            (_TRIM_THRESHOLD, (1 << 31) - 1),
+            (_TOP_PAD, 1 << 28),
+        ):
+            mallopt(parameter, size)

@@ -59,7 +59,7 @@ def export(tuned: LitePose, heads: Sequence[MapHead], path: Path, told: dict[str
         *(torch.randint(-60, 60, (2, level.cells, level.channels), dtype=torch.int8) for level in LEVELS),
         torch.eye(len(tuned.categories))[:2],
     )
-    _write(
+    write_network(
         whole,
         dict(zip(INPUTS, example, strict=True)),
         OUTPUTS,
@@ -76,7 +76,7 @@ def export_embedder(embedder: Embedder, path: Path) -> None:
         ValueError: the file answers differently from the network.
     """
     example = torch.randint(0, 256, (2, EMBEDDED_SIDE, EMBEDDED_SIDE, 3), dtype=torch.uint8)
-    _write(_OfPixels(embedder).eval(), {"images": example}, ("embedding",), path, {})
+    write_network(_OfPixels(embedder).eval(), {"images": example}, ("embedding",), path, {})
 
 
 class _OfPixels(nn.Module):
@@ -88,13 +88,26 @@ class _OfPixels(nn.Module):
         return (self.embedder(normalised(images.permute(0, 3, 1, 2).to(torch.float32))),)
 
 
-def _write(
+def write_network(
     network: nn.Module,
     inputs: dict[str, Tensor],
     outputs: Sequence[str],
     path: Path,
     told: dict[str, str],
 ) -> None:
+    """Write a network to ``path``, its weights in half precision, any number of inputs at a time.
+
+    Args:
+        network: In evaluation mode; answers a tuple.
+        inputs: Examples by name; their first axis may have any length.
+        outputs: Names of the answers.
+        path: ONNX file to write.
+        told: Metadata.
+
+    Raises:
+        DependencyError: ``onnx`` is not installed.
+        ValueError: the file answers differently from the network.
+    """
     try:
         import onnx
     except ImportError as error:

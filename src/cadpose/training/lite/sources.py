@@ -66,16 +66,16 @@ def drawn_options(counts: Mapping[str, int]) -> SynthOptions:
     return SynthOptions(size=SIZE, weights=weights, redress=0.5, degrade=0.12)
 
 
-def sources(library: Library, backgrounds: Path | None, seed: int = 0) -> Sources:
+def sources(library: Library, backgrounds: Path | None, seed: int = 0, *, frontless: bool = False) -> Sources:
     """What to draw of a library. Held-out models and those that look like one are never learned from.
 
-    Models of categories without a front (``LEFT_OUT``), and Sweet Home 3D models that are unfit or still in
-    a category known to be wrong, are left out.
+    Sweet Home 3D models that are unfit or still in a category known to be wrong are left out.
 
     Args:
         library: CAD models.
         backgrounds: Folder of photos to cut backdrops from, None for made-up ones.
         seed: Of the photos to learn from.
+        frontless: Draw models of categories without a front (``LEFT_OUT``) too.
 
     Raises:
         InputError: no model is left to learn from, or ``backgrounds`` holds no photo.
@@ -85,7 +85,7 @@ def sources(library: Library, backgrounds: Path | None, seed: int = 0) -> Source
         if not backgrounds.is_dir():
             raise InputError(f"there is no folder {backgrounds}: name one with photos for backdrops")
         find_photos([backgrounds])
-    usable = _usable(library)
+    usable = _usable(library, frontless)
     counts = dict(sorted(Counter(m.category for m in usable).items()))
     shown = {i for ids in read_held_out(lookalikes=False).values() for i in ids}
     never = {i for ids in read_held_out().values() for i in ids}
@@ -109,13 +109,15 @@ def sources(library: Library, backgrounds: Path | None, seed: int = 0) -> Source
     )
 
 
-def _usable(library: Library) -> list[CadModel]:
+def _usable(library: Library, frontless: bool) -> list[CadModel]:
     unfit = {e.id for e in read_exceptions() if e.problem == "unfit"}
     right = {e.id: e.detail for e in read_exceptions() if e.problem == "category"}
     return [
         m
         for m in library.models()
-        if m.category not in LEFT_OUT and m.id not in unfit and right.get(m.id, m.category) == m.category
+        if (frontless or m.category not in LEFT_OUT)
+        and m.id not in unfit
+        and right.get(m.id, m.category) == m.category
     ]
 
 

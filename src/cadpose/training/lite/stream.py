@@ -216,12 +216,12 @@ def loader(stream: ObjectStream, workers: int, pin: bool = False) -> Iterator[Ob
             num_workers=workers,
             prefetch_factor=4 if workers else None,
             pin_memory=pin,
-            worker_init_fn=_one_thread,
+            worker_init_fn=one_thread,
         )
     )
 
 
-def _one_thread(_worker: int) -> None:
+def one_thread(_worker: int) -> None:
     """A core a worker: threads of each would fight for the same cores."""
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
