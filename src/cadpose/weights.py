@@ -172,6 +172,16 @@ class Unpublished:
         return cache_folder() / "weights" / self.file
 
 
+#: RF-DETR-Seg by size; the MD5 are those of ``ModelWeights`` in Roboflow's package ``rfdetr`` 1.11.2.
+_RFDETR_MD5 = {
+    "n": "9995497791d0ff1664a1d9ddee9cfd20",
+    "s": "0a2a3006381d0c42853907e700eadd08",
+    "m": "a49af1562c3719227ad43d0ca53b4c7a",
+    "l": "275f7b094909544ed2841c94a677d07e",
+    "xl": "3693b35d0eea86ebb3e0444f4a611fba",
+    "2xl": "040bc3412af840fa8a47e0ff69b552ba",
+}
+
 #: What inference can use; training lists its own.
 UNPUBLISHED: dict[str, Unpublished] = {
     u.name: u
@@ -187,6 +197,16 @@ UNPUBLISHED: dict[str, Unpublished] = {
             file="delf_v1_20171026.tar.gz",
             url="https://storage.googleapis.com/delf/delf_v1_20171026.tar.gz",
             licence="Apache-2.0",
+        ),
+        *(
+            Unpublished(
+                name=f"rf-detr-seg-{size}",
+                file=f"rf-detr-seg-{size}-ft.pth",
+                url=f"https://storage.googleapis.com/rfdetr/rf-detr-seg-{size}-ft.pth",
+                licence="Apache-2.0",
+                md5=md5,
+            )
+            for size, md5 in _RFDETR_MD5.items()
         ),
         # OpenMMLab ends a file's name with the first eight digits of its SHA-256.
         Unpublished(
