@@ -54,8 +54,9 @@ def detector(
     *rows: tuple[str, float, tuple[float, float, float, float]],
     lite: FakeLite0 | None = None,
     categories: list[str] | None = None,
+    propose: bool = False,
 ) -> EmbeddedDetector:
-    made = EmbeddedDetector(categories, encoder=lite or FakeLite0())
+    made = EmbeddedDetector(categories, encoder=lite or FakeLite0(), propose=propose)
     made._ssd = FakeSsd(*rows)  # type: ignore[assignment]
     return made
 
@@ -134,7 +135,7 @@ class TestUnboxed:
         assert found.score < 0.8
 
     def test_lite0_is_not_sure(self) -> None:
-        assert detector(lite=FakeLite0(cabinet=0.4)).detect(PHOTO) == []
+        assert detector(lite=FakeLite0(cabinet=0.25)).detect(PHOTO) == []
 
     def test_category_is_not_wanted_or_already_there(self) -> None:
         assert detector(lite=FakeLite0(cabinet=0.8), categories=["car"]).detect(PHOTO) == []
@@ -143,6 +144,64 @@ class TestUnboxed:
         assert [d.category for d in found] == ["umbrella"]
         found = detector(("clock", 0.9, LEFT), lite=FakeLite0(clock=0.8)).detect(PHOTO)
         assert [d.box.to_tuple() for d in found] == [LEFT]
+
+    def test_the_place_is_where_lite0_knows_it(self) -> None:
+        rgb = np.full((400, 600, 3), 200, np.uint8)
+        rgb[50:150, 400:500] = 0
+        photo = Photo(rgb)
+        (found,) = detector(lite=SeesBlack("cabinet")).detect(photo)
+        assert found.category == "cabinet"
+        assert found.box.x0 <= 410 and found.box.y0 <= 60 and found.box.x1 >= 490 and found.box.y1 >= 140
+        assert found.box.area < 0.25 * 600 * 400
+        near = (395.0, 45.0, 520.0, 170.0)
+        (found,) = detector(("clock", 0.05, near), lite=SeesBlack("cabinet")).detect(photo)
+        assert found.category == "cabinet"
+
+    def test_a_faint_word_of_the_ssd_gives_way(self) -> None:
+        full = (0.0, 0.0, 600.0, 400.0)
+        found = detector(("book", 0.4, full), lite=FakeLite0(bookcase=0.35)).detect(PHOTO)
+        assert [d.category for d in found] == ["bookcase"]
+
+
+class SeesBlack(FakeLite0):
+    """Knows a category wherever some pixels are black."""
+
+    def __init__(self, category: str) -> None:
+        super().__init__()
+        self.category = category
+
+    def logits(self, images: NDArray[np.uint8]) -> NDArray[np.float32]:
+        p = np.full((len(images), 1000), 1e-9)
+        black = (images[..., 0] < 100).mean(axis=(1, 2))
+        p[:, IMAGENET_INDICES[self.category][0]] = 0.05 + 0.9 * np.minimum(1.0, 12.0 * black)
+        p[:, 1] = 1.0 - p.sum(axis=1)
+        return np.log(p).astype(np.float32)
+
+
+class TestProposals:
+    def test_what_stands_out_is_proposed_as_unsure(self) -> None:
+        lite = FakeLite0(chair=0.1, sofa=0.08, bed=0.02)
+        (found,) = detector(("dog", 0.1, RIGHT), ("kite", 0.1, LEFT), lite=lite, propose=True).detect(PHOTO)
+        assert found.unsure
+        assert found.box.to_tuple() == LEFT
+        assert 0.0 < found.score < 0.3
+        assert [found.category, *(c for c, _ in found.alternatives)] == ["chair", "sofa", "bed"]
+        scores = [found.score, *(s for _, s in found.alternatives)]
+        assert scores == sorted(scores, reverse=True)
+
+    def test_the_whole_photo_where_nothing_was_boxed(self) -> None:
+        (found,) = detector(lite=FakeLite0(chair=0.1), propose=True).detect(PHOTO)
+        assert found.box == Box(0, 0, 600, 400)
+
+    def test_nothing_where_lite0_knows_nothing_or_people_fill_the_photo(self) -> None:
+        assert detector(propose=True).detect(PHOTO) == []
+        large = (50.0, 50.0, 450.0, 380.0)
+        lite = FakeLite0(chair=0.1)
+        assert detector(("person", 0.9, large), lite=lite, propose=True).detect(PHOTO) == []
+
+    def test_a_sure_object_leaves_no_proposal(self) -> None:
+        (found,) = detector(("chair", 0.9, LEFT), propose=True).detect(PHOTO)
+        assert not found.unsure
 
 
 class TestRealPhotos:

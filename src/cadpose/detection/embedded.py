@@ -9,13 +9,15 @@ D is the SSD's best score for the category among boxes on the same place, L is L
 the crop. A low L says little, since crops of busy scenes look like none of the 1000 classes; but where
 Lite0 is sure of another category, r = 1 - TRUST max(0, 2 L(other) - 1) takes the SSD's word back. Where
 Lite0 is sure of what the whole photo shows and no box was kept for it, the best of the SSD's faint boxes is.
+Where nothing is left, what stands out is proposed all the same, its category unsure.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import cv2
 import numpy as np
 
 from cadpose.detection.coco import COCO_NAMES, LIVING
@@ -37,16 +39,24 @@ SAME_PLACE = 0.6
 FLOOR = 0.08
 #: Lowest score of the SSD that is read at all: faint boxes of any class still follow the edges of objects.
 FAINT = 0.02
-#: A faint box counts from this share of the photo's area on.
-LARGE = 0.1
 #: An object of this share of the photo's area is what the photo shows.
 MAIN = 0.25
 #: A box belongs to what another shows from this share of its area on, and is clear from this vote on.
 HELD, CLEAR = 0.5, 0.3
 #: Most proposals that Lite0 looks at.
 MOST = 16
-#: Lite0's probability on the whole photo above which an object is boxed that the SSD did not see.
-SURE = 0.5
+#: Lite0's probability on the whole photo above which an object is boxed that the SSD did not see, beside
+#: others and where there are none.
+SURE, ALONE = 0.5, 0.3
+#: Cells a side in which windows add up to where an object is, and the share of the hottest that is object.
+GRID, HOT = 48, 0.6
+#: A faint box of the SSD that overlaps that place so much is taken in its stead.
+NEAR = 0.6
+#: A score of the SSD's that Lite0 does not share is forgotten below this, where Lite0 is sure of another.
+FORGOTTEN = 0.5
+#: An object of no sure category is proposed from this share of the photo's area on, and unless living things
+#: fill the other share.
+STANDS_OUT, LIVELY = 0.05, 0.25
 #: COCO calls pickups trucks and vans buses, which a library files under cars: half a vote for those.
 VANS = frozenset([6, 8])
 
@@ -70,6 +80,7 @@ class EmbeddedDetector:
         tiles: Also look at quarters of the photo: finds smaller objects, takes five times as long.
         smallest: Boxes with a shorter side than this share of the photo's longer side are dropped.
         most: Largest number of detections a photo.
+        propose: Where nothing is found, propose what stands out, its category unsure.
         encoder: Lite0; the process's shared one by default.
     """
 
@@ -83,6 +94,7 @@ class EmbeddedDetector:
         tiles: bool = True,
         smallest: float = 0.03,
         most: int = 20,
+        propose: bool = True,
         encoder: Lite0 | None = None,
     ) -> None:
         self.categories = None if categories is None else frozenset(categories)
@@ -90,6 +102,7 @@ class EmbeddedDetector:
         self.tiles = tiles
         self.smallest = smallest
         self.most = most
+        self.propose = propose
         self.encoder = encoder or lite0()
         self._ssd = Ssd()
 
@@ -108,7 +121,11 @@ class EmbeddedDetector:
             if ranked := _fused(place, _own(place, probabilities, places), self.categories):
                 found.append(_detection(box, ranked, self.name))
         kept = suppress([d for d in found if d.score >= self.min_score])
-        kept += self._unboxed(photo, kept, raw, seen[-1])
+        for added in self._unboxed(photo, kept, raw, seen[-1]):
+            kept = [d for d in kept if d.score >= FORGOTTEN or _iou(d.box, added.box) <= SAME_PLACE]
+            kept.append(added)
+        if not kept and self.propose:
+            kept = self._standing_out(photo, raw, places)
         return sorted(kept, key=lambda d: -d.score)[: self.most]
 
     def _large_enough(self, places: list[_Place], photo: Photo) -> list[_Place]:
@@ -131,23 +148,64 @@ class EmbeddedDetector:
         area = photo.width * photo.height
         if (
             not ranked
-            or ranked[0][1] < SURE
+            or ranked[0][1] < (SURE if any(d.score >= FORGOTTEN for d in kept) else ALONE)
             or any(d.category == ranked[0][0] or (d.score > 0.5 and d.box.area > MAIN * area) for d in kept)
         ):
             return []
         category = ranked[0][0]
-        size = raw.boxes[:, 2:] - raw.boxes[:, :2]
-        large = size.prod(axis=1) >= LARGE * area
-        full = np.array([0.0, 0.0, photo.width, photo.height])
-        distinct: list[FloatArray] = [full]
-        for box in raw.boxes[large][np.argsort(-raw.scores[large], kind="stable")]:
-            if len(distinct) <= MOST and box_iou(np.array(distinct), box).max() < 0.7:
-                distinct.append(box)
-        boxes = [Box(*b.tolist()) for b in distinct]
-        # A wide box that Lite0 knows as well as a narrow one holds more of the object.
-        worth = [p[category] * (b.area**0.25) for p, b in zip(self._seen(photo, boxes), boxes, strict=True)]
-        box = boxes[int(np.argmax(worth))]
+        box = self._where(photo, category)
+        # The SSD's faint boxes follow edges, which windows do not.
+        near = box_iou(raw.boxes, np.array(box.to_tuple())) if len(raw) else np.zeros(0)
+        if near.max(initial=0.0) >= NEAR:
+            boxes = [Box(*b.tolist()) for b in raw.boxes[near >= NEAR]][:MOST]
+            box = boxes[int(np.argmax([p.get(category, 0.0) for p in self._seen(photo, boxes)]))]
         return [_detection(box, [(c, TRUST * p) for c, p in ranked], self.name)]
+
+    def _where(self, photo: Photo, category: str) -> Box:
+        """Where the photo shows the category: windows slide over it, and what Lite0 says of them adds up."""
+        box = Box(0.0, 0.0, photo.width, photo.height)
+        windows = _windows(box)
+        known = np.array([p.get(category, 0.0) for p in self._seen(photo, windows)])
+        heat, seen = np.zeros((GRID, GRID)), np.full((GRID, GRID), 1e-9)
+        scale = GRID / np.array([box.width, box.height])
+        for window, p in zip(windows, known, strict=True):
+            x0, y0 = np.floor(np.array([window.x0, window.y0]) * scale).astype(int)
+            x1, y1 = np.ceil(np.array([window.x1, window.y1]) * scale).astype(int)
+            heat[y0:y1, x0:x1] += p
+            seen[y0:y1, x0:x1] += 1.0
+        heat /= seen
+        hot = heat >= HOT * heat.max()
+        _, parts = cv2.connectedComponents(hot.astype(np.uint8), connectivity=4)
+        own = Box.from_mask(np.asarray(parts == parts[np.unravel_index(heat.argmax(), heat.shape)]))
+        corners = np.array(own.to_tuple()) / np.tile(scale, 2)
+        return Box(*corners.tolist())
+
+    def _standing_out(self, photo: Photo, raw: RawBoxes, places: list[_Place]) -> list[Detection]:
+        """What the SSD saw faintly, or the whole photo, as whatever of the library it looks most like."""
+        area = float(photo.width * photo.height)
+        living = [p.box for p in places if p.living > max(p.votes.values(), default=FLOOR)]
+        if sum(_area(box) for box in living) > LIVELY * area:
+            return []
+        size = raw.boxes[:, 2:] - raw.boxes[:, :2]
+        wanted = (size.prod(axis=1) >= STANDS_OUT * area) & ~np.isin(raw.classes, sorted(LIVING))
+        worth = raw.scores * size.prod(axis=1) ** 0.25
+        best = np.argsort(-np.where(wanted, worth, -1.0), kind="stable")[: int(wanted.any())]
+        boxes = [Box(*raw.boxes[i].tolist()) for i in best] + [Box(0.0, 0.0, photo.width, photo.height)]
+        seen = self._seen(photo, boxes)
+        # Lite0 names the box better than the photo: the photo's word breaks ties.
+        said = {c: seen[0].get(c, 0.0) + 0.5 * seen[-1].get(c, 0.0) for c in {*seen[0], *seen[-1]}}
+        for i in best:
+            if category := category_from_coco(COCO_NAMES.get(int(raw.classes[i]), "")):
+                said[category] = said.get(category, 0.0) + float(raw.scores[i])
+        ranked = sorted(
+            ((c, p) for c, p in said.items() if self.categories is None or c in self.categories),
+            key=lambda item: (-item[1], item[0]),
+        )[:3]
+        if not ranked or ranked[0][1] < FAINT:
+            return []
+        whole = sum(p for _, p in ranked)
+        told = [(c, self.min_score * p / whole) for c, p in ranked]
+        return [replace(_detection(boxes[0], told, self.name, least=0.0), unsure=True)]
 
 
 def _own(place: _Place, seen: dict[str, float], places: list[_Place]) -> dict[str, float]:
@@ -176,14 +234,29 @@ def _fused(
     return sorted(fused.items(), key=lambda item: -item[1])
 
 
-def _detection(box: Box, ranked: list[tuple[str, float]], source: str) -> Detection:
+def _windows(box: Box) -> list[Box]:
+    """Squares of three sizes that slide over the box by a third of themselves."""
+    found = []
+    for share in (0.35, 0.5, 0.7):
+        side = share * min(box.width, box.height)
+        across, down = (max(int(np.ceil((n - side) / side * 3.0)) + 1, 2) for n in (box.width, box.height))
+        for x in np.linspace(box.x0, box.x1 - side, across):
+            found += [Box(x, y, x + side, y + side) for y in np.linspace(box.y0, box.y1 - side, down)]
+    return found
+
+
+def _iou(a: Box, b: Box) -> float:
+    return float(box_iou(np.array(a.to_tuple()), np.array(b.to_tuple())))
+
+
+def _detection(box: Box, ranked: list[tuple[str, float]], source: str, least: float = 0.05) -> Detection:
     (category, score), others = ranked[0], ranked[1:4]
     return Detection(
         box=box,
         category=category,
         score=float(min(score, 1.0)),
         source=source,
-        alternatives=tuple((c, float(s)) for c, s in others if s >= 0.05),
+        alternatives=tuple((c, float(s)) for c, s in others if s >= least),
     )
 
 
