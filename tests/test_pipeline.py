@@ -177,6 +177,16 @@ def test_a_category_without_model_fails_and_the_others_go_on(annotator: Annotato
     assert "'zebra'" in failure.reason and "cadpose library add" in failure.reason
 
 
+def test_flags_are_set_whoever_found_the_object(annotator: Annotator, hatch: Shot) -> None:
+    cut = Box(0.0, hatch.box.y0, hatch.box.x1, hatch.box.y1)
+    result = annotator.run(
+        hatch.photo, [seen(hatch), seen(hatch, box=cut), Detection(Box(9, 9, 20, 20), "zebra")]
+    )
+    assert [a.detection.truncated for a in result.annotations] == [False, True]
+    assert not any(a.detection.tiny for a in result.annotations)
+    assert [(f.detection.truncated, f.detection.tiny) for f in result.failures] == [(False, True)]
+
+
 def test_a_box_outside_the_photo_fails(annotator: Annotator, hatch: Shot) -> None:
     result = annotator.run(hatch.photo, [seen(hatch, box=Box(500, 10, 600, 90))])
     (failure,) = result.failures

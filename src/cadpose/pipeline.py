@@ -21,6 +21,7 @@ import cadpose
 from cadpose.alignment import align, focal_from_mask
 from cadpose.annotations.document import Failure
 from cadpose.backends import Backends
+from cadpose.detection.flags import flagged
 from cadpose.errors import CadposeError, DependencyError, InputError, LibraryError
 from cadpose.geometry.boxes import Box, box_iou, mask_iou
 from cadpose.geometry.camera import Cameras
@@ -184,7 +185,7 @@ class Annotator:
             with clock.time("detect"):
                 detections = self.detector.detect(picture)
         annotations, failures = [], []
-        for detection in detections:
+        for detection in (flagged(d, picture.width, picture.height) for d in detections):
             own = Stopwatch("detect")
             try:
                 annotations.append(self._annotate_object(picture, detection, own))

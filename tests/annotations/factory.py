@@ -61,6 +61,8 @@ def make_annotation(photo: Photo, *, box: Box | None = None, **changes: Any) -> 
         source="embedded",
         rotation=Rotation(311.0, 7.0),
         alternatives=(("bus", 0.1), ("van", 0.025)),
+        truncated=True,
+        unsure=True,
     )
     values: dict[str, Any] = {
         "photo_name": photo.name,
@@ -87,7 +89,9 @@ def make_annotation(photo: Photo, *, box: Box | None = None, **changes: Any) -> 
 
 
 def make_failure() -> Failure:
-    return Failure(Detection(Box(1, 2, 30, 40), "zebra", 0.5), "the library has no zebra", "library")
+    return Failure(
+        Detection(Box(1, 2, 30, 40), "zebra", 0.5, tiny=True), "the library has no zebra", "library"
+    )
 
 
 def make_document(name: str = "photos/street.jpg", annotations: int = 2) -> AnnotationDocument:

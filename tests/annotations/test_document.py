@@ -113,6 +113,19 @@ def test_json_says_what_the_docs_say() -> None:
     assert p[:2] / p[2] == pytest.approx(annotation.pose.project(point[None])[0], abs=1e-9)
 
 
+def test_documents_of_earlier_versions_know_no_flags_of_the_detection() -> None:
+    document = make_document()
+    data = json.loads(document.to_json())
+    flags = ("truncated", "tiny", "unsure")
+    found = [entry["detection"] for entry in data["annotations"] + data["failures"]]
+    assert [[d.pop(flag) for flag in flags] for d in found] == [[True, False, True]] * 2 + [
+        [False, True, False]
+    ]
+    read = AnnotationDocument.from_json(json.dumps(data))
+    records = [a.detection for a in read.to_annotations()] + [f.detection for f in read.to_failures()]
+    assert not any(getattr(record, flag) for record in records for flag in flags)
+
+
 def test_documents_of_earlier_versions_know_no_chance_of_the_model() -> None:
     document = make_document()
     data = json.loads(document.to_json())

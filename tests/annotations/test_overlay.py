@@ -173,11 +173,15 @@ def named(name: str, category: str = "car") -> Annotation:
 
 
 def test_label() -> None:
-    assert label_text(named("Seat Leon")) == "car · Seat Leon · az 312° el 8° ip -2° · f 161 px"
+    words = "car · Seat Leon · az 312° el 8° ip -2° · f 161 px"
+    annotation = named("Seat Leon")
+    assert label_text(annotation) == f"{words} · truncated · unsure"
+    plain = dataclasses.replace(annotation.detection, truncated=False, unsure=False)
+    assert label_text(dataclasses.replace(annotation, detection=plain)) == words
     assert angles_text(Pose4Dof(Rotation(359.8, -0.2, 0.4), 1.0, (0, 0))) == "az 0° el 0° ip 0°"
     assert short("a\nb\x1b[31m\u202ec", 40) == "a b [31m c"
     assert short("x" * 99, 10) == "x" * 9 + "…"
-    assert len(label_text(named("x" * 10_000, "y" * 10_000))) < 120
+    assert len(label_text(named("x" * 10_000, "y" * 10_000))) < 140
 
 
 def test_hostile_names_are_drawn() -> None:

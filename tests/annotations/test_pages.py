@@ -122,7 +122,7 @@ def test_a_card_shows_everything_in_one_file() -> None:
     # The overlay, and a crop and three candidates for each object.
     assert len(page.pictures()) == 1 + 2 * (1 + 3)
     for text in (
-        "photos/street.jpg", "2 objects annotated", "car · CAD 0", "CAD 2",
+        "photos/street.jpg", "2 objects annotated", "car / bus / van · CAD 0", "CAD 2",
         "1 · chance 0.50", "3 · chance 0.06",
         "azimuth 312.4°, elevation 8.1°, in-plane -1.5°", "box 0.93, silhouette 0.81",
         "CC-BY-3.0 · A. Maker · Sweet Home 3D Set.sh3f", "the library has no zebra",
@@ -230,3 +230,16 @@ def test_a_card_tells_how_sure_the_model_is() -> None:
 def test_a_candidate_stands_by_its_chance_or_its_score() -> None:
     assert standing_text(1, 1.154, 0.8) == "1 · chance 0.80"
     assert standing_text(2, 1.154, None) == "2 · score 1.154"
+
+
+def test_a_card_tells_the_detections_flags() -> None:
+    photo = make_photo()
+    annotation = make_annotation(photo)  # truncated and unsure, with two alternatives
+    document = document_from(photo, [annotation], [make_failure()])
+    shown = Page(make_card(photo, document)).text
+    assert "unsure: car / bus / van · CAD 0" in shown and "truncated" in shown
+    assert "zebra 0.50 · tiny" in shown
+    plain = dataclasses.replace(annotation.detection, truncated=False, unsure=False)
+    document = document_from(photo, [dataclasses.replace(annotation, detection=plain)])
+    shown = Page(make_card(photo, document)).text
+    assert "car · CAD 0" in shown and not any(word in shown for word in ("unsure", "truncated", "tiny"))

@@ -78,7 +78,12 @@ def test_a_store_of_an_earlier_version_gets_the_columns_it_lacks(tmp_path: Path)
         for name in chances:
             connection.execute(f"ALTER TABLE annotations DROP COLUMN {name}")
         connection.execute("ALTER TABLE candidates DROP COLUMN probability")
+        flags = ("truncated", "tiny", "unsure")
+        for name in flags:
+            connection.execute(f"ALTER TABLE annotations DROP COLUMN {name}")
+            connection.execute(f"ALTER TABLE failures DROP COLUMN {name}")
         keys = [f"hypotheses[{i}].{name}" for i in range(2) for name in added]
+        keys += [f"detection.{name}" for name in flags]
         keys += [*chances[1:], *(f"candidates[{i}].probability" for i in range(3))]
         gone = ", ".join(f"'$.{key}'" for key in keys)
         connection.execute(f"UPDATE annotations SET document = json_remove(document, {gone})")
@@ -100,6 +105,14 @@ def test_a_store_of_an_earlier_version_gets_the_columns_it_lacks(tmp_path: Path)
             f"SELECT {', '.join(chances)} FROM annotations ORDER BY 1, position"
         ).fetchall()
         assert rows == [(None, None, 0)] * 2 + [(0.5, 0.3125, 1)]
+        rows = [
+            connection.execute(
+                f"SELECT {', '.join(flags)} FROM {table} JOIN photos ON sha256 = photo_sha256 "
+                "ORDER BY name DESC"
+            ).fetchall()
+            for table in ("annotations", "failures")
+        ]
+        assert rows == [[(0, 0, 0)] * 2 + [(1, 0, 1)], [(0, 0, 0), (0, 1, 0)]]
         before = "\n".join(connection.iterdump())
     # Once is enough: opening it again changes nothing, and the same photo's new answer replaces the old one.
     with Store(url(tmp_path)) as store, sqlite3.connect(path) as connection:

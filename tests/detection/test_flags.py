@@ -12,12 +12,12 @@ from cadpose.records import Detection
     [
         ((50, 50, 200, 200), False),
         ((0, 50, 200, 200), True),
-        ((4, 50, 200, 200), True),  # within 0.5 % of 1000 pixels
-        ((6, 50, 200, 200), False),
+        ((9, 50, 200, 200), True),  # within 1 % of 1000 pixels
+        ((11, 50, 200, 200), False),
         ((50, -20, 200, 200), True),
         ((50, 50, 1000, 200), True),
-        ((50, 50, 200, 597), True),
-        ((50, 50, 200, 594), False),
+        ((50, 50, 200, 591), True),
+        ((50, 50, 200, 589), False),
     ],
 )
 def test_a_box_at_the_edge_is_truncated(box: tuple[float, float, float, float], truncated: bool) -> None:
@@ -42,6 +42,11 @@ def test_a_box_of_few_pixels_is_tiny(box: tuple[float, float, float, float], tin
 def test_flags_are_set_anew_and_the_detectors_own_is_left() -> None:
     found = flagged(Detection(Box(50, 50, 200, 200), "car", truncated=True, tiny=True, unsure=True), 640, 480)
     assert (found.truncated, found.tiny, found.unsure) == (False, False, True)
+
+
+def test_a_detection_that_has_its_flags_stays_itself() -> None:
+    found = Detection(Box(50, 50, 200, 200), "car")
+    assert flagged(found, 640, 480) is found
 
 
 def test_a_photo_of_a_few_pixels_has_an_edge_of_one_pixel() -> None:

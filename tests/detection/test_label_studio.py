@@ -16,7 +16,7 @@ from tests.detection.brush_writing import brush_stream
 
 PHOTO = Photo(rgb=np.zeros((40, 60, 3), np.uint8), name="holiday/img_1.jpg")
 UPLOADED = "/data/upload/3/0a1b2c3d-img_1.jpg"
-CAR = {"x": 10, "y": 25, "width": 50, "height": 50, "rotation": 0, "rectanglelabels": ["Car"]}
+CAR: dict[str, Any] = {"x": 10, "y": 25, "width": 50, "height": 50, "rotation": 0, "rectanglelabels": ["Car"]}
 
 
 def region(kind: str = "rectanglelabels", **value: Any) -> dict[str, Any]:
@@ -163,7 +163,7 @@ def test_an_ellipse_is_left_out_and_told(tmp_path: Path, caplog: pytest.LogCaptu
     assert "export.json: task 0 has a ellipselabels" in record.getMessage()
 
 
-BRUSH = {"format": "rle", "brushlabels": ["car"]}
+BRUSH: dict[str, Any] = {"format": "rle", "brushlabels": ["car"]}
 
 
 @pytest.mark.parametrize(

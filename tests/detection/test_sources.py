@@ -31,7 +31,7 @@ def test_categories_reach_the_reader(tmp_path: Path) -> None:
     path = tmp_path / "one.json"
     path.write_text(json.dumps(COCO))
     source = open_detections(path, ["car"])
-    assert isinstance(source, FileDetector) and source.categories == {"car"}
+    assert isinstance(source, FileDetector) and source.categories == frozenset(["car"])
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,15 @@ from urllib.parse import quote
 
 from PIL import Image
 
+from cadpose.annotations.annotation_part import AnnotationPart
 from cadpose.annotations.document import AnnotationDocument, FailurePart
 from cadpose.annotations.page import data_uri, jpeg_uri, page, text
-from cadpose.annotations.parts import AnnotationPart
+from cadpose.annotations.parts import DetectionPart
 from cadpose.annotations.strip import LIMIT
 from cadpose.annotations.style import (
+    category_text,
     colour_of,
+    flags_of,
     jpeg_bytes,
     object_crop,
     png_bytes,
@@ -139,10 +142,11 @@ def _object(photo: Photo, part: AnnotationPart, views: Views, number: int) -> st
         "Time": ", ".join(f"{stage} {spent:.2f} s" for stage, spent in part.seconds.items()),
     }
     rows = "".join(f"<dt>{name}</dt><dd>{text(value)}</dd>" for name, value in facts.items() if value)
-    flag = '<span class="flag">needs review</span>' if _flagged(part) else ""
+    words = ["needs review"] * _flagged(part) + [f for f in flags_of(part.detection) if f != "unsure"]
+    flags = "".join(f'<span class="flag">{word}</span>' for word in words)
     return (
         f'<section style="--c:rgb({red},{green},{blue})">'
-        f"<h2>{text(part.detection.category)} · {text(cad.name)}{flag}</h2>"
+        f"<h2>{text(_category(part.detection))} · {text(cad.name)}{flags}</h2>"
         f'<div class="strip">{"".join(figures)}</div><dl>{rows}</dl></section>'
     )
 
@@ -180,7 +184,16 @@ def _figure(source: str, first: str, second: str, kind: str) -> str:
 
 def _failure(failure: FailurePart) -> str:
     detection = failure.detection
-    return f"<dt>{text(detection.category)} {detection.score:.2f}</dt><dd>{text(failure.reason)}</dd>"
+    told = " · ".join(
+        [f"{_category(detection)} {detection.score:.2f}", *(f for f in flags_of(detection) if f != "unsure")]
+    )
+    return f"<dt>{text(told)}</dt><dd>{text(failure.reason)}</dd>"
+
+
+def _category(detection: DetectionPart) -> str:
+    return category_text(
+        detection.category, (other.category for other in detection.alternatives), detection.unsure
+    )
 
 
 def _count(number: int, what: str) -> str:

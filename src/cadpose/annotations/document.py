@@ -14,7 +14,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from cadpose.annotations.parts import AnnotationPart, DetectionPart, Part, PhotoPart, plain_text
+from cadpose.annotations.annotation_part import AnnotationPart
+from cadpose.annotations.parts import DetectionPart, Part, PhotoPart, plain_text
 from cadpose.errors import InputError
 from cadpose.records import Annotation, Detection, Photo
 

@@ -20,10 +20,11 @@ _STEM_BYTES = 120
 _RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10))}
 
 
-def write_atomic(path: str | os.PathLike[str], data: bytes) -> None:
+def write_atomic(path: str | os.PathLike[str], data: bytes, option: str = "--out") -> None:
     """Write ``data`` beside ``path``, fsync it and move it into place; parent folders are made.
 
-    Whoever reads sees the old file or the whole new one, also after a crash.
+    Whoever reads sees the old file or the whole new one, also after a crash. ``option`` is what the message
+    of a failure tells the user to change.
 
     Raises:
         CadposeError: the file cannot be written; no trace of it is left.
@@ -46,7 +47,7 @@ def write_atomic(path: str | os.PathLike[str], data: bytes) -> None:
         _sync_folder(target.parent)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise CadposeError(f"cannot write {target}: {reason}; choose another place with --out") from None
+        raise CadposeError(f"cannot write {target}: {reason}; choose another place with {option}") from None
 
 
 def _sync_folder(folder: Path) -> None:

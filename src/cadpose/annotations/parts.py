@@ -14,8 +14,6 @@ from pydantic import (
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
-    JsonValue,
-    field_validator,
     model_validator,
 )
 from pydantic.json_schema import JsonSchemaValue
@@ -23,7 +21,6 @@ from pydantic_core import CoreSchema
 
 from cadpose.geometry.boxes import Box
 from cadpose.records import (
-    Annotation,
     CadModel,
     Candidate,
     Detection,
@@ -106,7 +103,11 @@ class RotationPart(Part):
 
 
 class DetectionPart(Part):
-    """The object in the photo: box [x0, y0, x1, y1] in continuous pixels, category, mask."""
+    """The object in the photo: box [x0, y0, x1, y1] in continuous pixels, category, mask.
+
+    truncated: the box touches the photo's edge; tiny: it has too few pixels to be trusted; unsure: the
+    category is a guess.
+    """
 
     box: tuple[float, float, float, float]
     category: Annotated[str, Field(min_length=1)]
@@ -115,6 +116,10 @@ class DetectionPart(Part):
     alternatives: tuple[AlternativePart, ...]
     rotation: RotationPart | None
     mask: MaskPart | None
+    # Documents of earlier versions lack the three.
+    truncated: bool = False
+    tiny: bool = False
+    unsure: bool = False
 
     @model_validator(mode="after")
     def _box_is_not_empty(self) -> Self:
@@ -138,6 +143,9 @@ class DetectionPart(Part):
             mask=None
             if mask is None
             else MaskPart(size=(mask.shape[0], mask.shape[1]), counts=encode_mask(mask)),
+            truncated=bool(detection.truncated),
+            tiny=bool(detection.tiny),
+            unsure=bool(detection.unsure),
         )
 
     def record(self) -> Detection:
@@ -150,6 +158,9 @@ class DetectionPart(Part):
             alternatives=tuple((other.category, other.score) for other in self.alternatives),
             rotation=None if self.rotation is None else self.rotation.record(),
             mask=None if self.mask is None else decode_mask(self.mask.size, self.mask.counts),
+            truncated=self.truncated,
+            tiny=self.tiny,
+            unsure=self.unsure,
         )
 
 
@@ -280,87 +291,6 @@ class HypothesisPart(Part):
         """To the record."""
         return RotationHypothesis(
             self.rotation.record(), self.score, self.probability, self.expected_error, self.needs_review
-        )
-
-
-class AnnotationPart(Part):
-    """The 4-DoF annotation of one object, with what it was chosen from.
-
-    none_probability is the chance that none of the candidates is the object's model, null where the ranking
-    tells none; cad_needs_review says that a person should look before the model is used.
-    """
-
-    detection: DetectionPart
-    pose: PosePart
-    cad: CadPart
-    candidates: Annotated[tuple[CandidatePart, ...], Field(min_length=1)]
-    hypotheses: tuple[HypothesisPart, ...]
-    none_probability: Share | None = None
-    cad_needs_review: bool = False
-    box_iou: Share
-    mask_iou: Share | None
-    seconds: dict[str, float]
-    provenance: dict[str, JsonValue]
-
-    @field_validator("provenance")
-    @classmethod
-    def _finite(cls, value: dict[str, JsonValue]) -> dict[str, JsonValue]:
-        plain_json(value)
-        return value
-
-    @model_validator(mode="after")
-    def _first_candidate_is_the_answer(self) -> Self:
-        if self.candidates[0].cad != self.cad:
-            raise ValueError("cad is not the first candidate")
-        if [c.rank for c in self.candidates] != list(range(1, len(self.candidates) + 1)):
-            raise ValueError("the candidates' ranks are not 1, 2, 3 ...")
-        return self
-
-    @classmethod
-    def of(cls, annotation: Annotation) -> AnnotationPart:
-        """From the record."""
-        return cls(
-            detection=DetectionPart.of(annotation.detection),
-            pose=PosePart.of_pose(annotation.pose),
-            cad=CadPart.of(annotation.cad),
-            candidates=tuple(
-                CandidatePart(
-                    rank=rank,
-                    cad=CadPart.of(candidate.cad),
-                    score=float(candidate.score),
-                    rotation=RotationPart.of(candidate.rotation),
-                    measures={plain_text(name): float(value) for name, value in candidate.measures.items()},
-                    probability=None if candidate.probability is None else float(candidate.probability),
-                )
-                for rank, candidate in enumerate(annotation.candidates, start=1)
-            ),
-            hypotheses=tuple(HypothesisPart.of(hypothesis) for hypothesis in annotation.hypotheses),
-            none_probability=None
-            if annotation.none_probability is None
-            else float(annotation.none_probability),
-            cad_needs_review=bool(annotation.cad_needs_review),
-            box_iou=float(annotation.box_iou),
-            mask_iou=None if annotation.mask_iou is None else float(annotation.mask_iou),
-            seconds={plain_text(stage): float(spent) for stage, spent in annotation.seconds.items()},
-            provenance=plain_json(annotation.provenance),
-        )
-
-    def record(self, photo: PhotoPart) -> Annotation:
-        """To the record."""
-        return Annotation(
-            photo_name=photo.name,
-            photo_sha256=photo.sha256,
-            photo_size=photo.size,
-            detection=self.detection.record(),
-            pose=self.pose.pose(),
-            candidates=tuple(candidate.record() for candidate in self.candidates),
-            hypotheses=tuple(hypothesis.record() for hypothesis in self.hypotheses),
-            box_iou=self.box_iou,
-            mask_iou=self.mask_iou,
-            seconds=dict(self.seconds),
-            provenance=plain_json(self.provenance),
-            none_probability=self.none_probability,
-            cad_needs_review=self.cad_needs_review,
         )
 
 

@@ -16,8 +16,9 @@ import sqlalchemy as sa
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from cadpose.annotations import tables
+from cadpose.annotations.annotation_part import AnnotationPart
 from cadpose.annotations.document import SCHEMA, AnnotationDocument, FailurePart
-from cadpose.annotations.parts import AnnotationPart, DetectionPart, PhotoPart, RotationPart
+from cadpose.annotations.parts import DetectionPart, PhotoPart, RotationPart
 from cadpose.errors import CadposeError
 from cadpose.records import Annotation
 
@@ -309,7 +310,8 @@ def _rows(document: AnnotationDocument) -> list[tuple[sa.Table, list[dict[str, A
 
 def _found(detection: DetectionPart) -> dict[str, Any]:
     box = dict(zip(("box_x0", "box_y0", "box_x1", "box_y1"), detection.box, strict=True))
-    return {"category": detection.category, "score": detection.score, **box}
+    flags = {"truncated": detection.truncated, "tiny": detection.tiny, "unsure": detection.unsure}
+    return {"category": detection.category, "score": detection.score, **box, **flags}
 
 
 def _angles(rotation: RotationPart) -> dict[str, float]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterable
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,37 @@ def colour_of(index: int) -> Colour:
     return COLOURS[index % len(COLOURS)]
 
 
+class Flagged(Protocol):
+    """What carries a detection's flags: the record, or its part of the document."""
+
+    @property
+    def truncated(self) -> bool:
+        """The box touches the photo's edge."""
+        ...
+
+    @property
+    def tiny(self) -> bool:
+        """The box has too few pixels."""
+        ...
+
+    @property
+    def unsure(self) -> bool:
+        """The category is a guess."""
+        ...
+
+
+def flags_of(found: Flagged) -> list[str]:
+    """Those of ``truncated``, ``tiny`` and ``unsure`` that are set."""
+    return [name for name in ("truncated", "tiny", "unsure") if getattr(found, name)]
+
+
+def category_text(category: str, others: Iterable[str], unsure: bool) -> str:
+    """``chair``; of an unsure one ``unsure: chair / sofa / bed``, the three best."""
+    if not unsure:
+        return category
+    return "unsure: " + " / ".join(list(dict.fromkeys([category, *others]))[:3])
+
+
 @lru_cache(maxsize=32)
 def font(size: int) -> Any:
     """Pillow's own TrueType font at ``size`` pixels."""
@@ -67,10 +99,11 @@ def standing_text(rank: int, score: float, chance: float | None) -> str:
 
 
 def label_text(annotation: Annotation) -> str:
-    """``car · Seat Leon · az 312° el 8° ip 0° · f 842 px``."""
+    """``car · Seat Leon · az 312° el 8° ip 0° · f 842 px``, and the detection's flags."""
     category, name = short(annotation.detection.category, 24), short(annotation.cad.name, 36)
     pose = annotation.pose
-    return f"{category} · {name} · {angles_text(pose)} · f {pose.focal_px:.0f} px"
+    told = [category, name, angles_text(pose), f"f {pose.focal_px:.0f} px", *flags_of(annotation.detection)]
+    return " · ".join(told)
 
 
 def object_crop(photo: Photo, box: Box, side: int, margin: float = 0.06) -> Image.Image:

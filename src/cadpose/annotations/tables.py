@@ -61,6 +61,11 @@ def _angles() -> list[Column[float]]:
     return [Column(name, Float(53), nullable=False) for name in ("azimuth", "elevation", "inplane")]
 
 
+def _flags() -> list[Column[bool]]:
+    names = ("truncated", "tiny", "unsure")
+    return [Column(name, Boolean, nullable=False, server_default=false()) for name in names]
+
+
 ANNOTATIONS = Table(
     "annotations",
     metadata,
@@ -84,6 +89,7 @@ ANNOTATIONS = Table(
     Column("cad_probability", Float(53)),
     Column("none_probability", Float(53)),
     Column("cad_needs_review", Boolean, nullable=False, server_default=false()),
+    *_flags(),
     Column("document", JSON, nullable=False),
     UniqueConstraint("photo_sha256", "position"),
 )
@@ -114,16 +120,6 @@ HYPOTHESES = Table(
     Column("needs_review", Boolean, nullable=False, server_default=false()),
 )
 
-#: Columns that stores made by earlier versions lack: null, or with a default, so that they can be added.
-ADDED_LATER: tuple[Column[Any], ...] = (
-    HYPOTHESES.c.expected_error,
-    HYPOTHESES.c.needs_review,
-    ANNOTATIONS.c.cad_probability,
-    ANNOTATIONS.c.none_probability,
-    ANNOTATIONS.c.cad_needs_review,
-    CANDIDATES.c.probability,
-)
-
 FAILURES = Table(
     "failures",
     metadata,
@@ -134,6 +130,18 @@ FAILURES = Table(
     *_box(),
     Column("stage", Text, nullable=False),
     Column("reason", Text, nullable=False),
+    *_flags(),
     Column("document", JSON, nullable=False),
     Index("ix_failures_category", "category"),
+)
+
+#: Columns that stores made by earlier versions lack: null, or with a default, so that they can be added.
+ADDED_LATER: tuple[Column[Any], ...] = (
+    HYPOTHESES.c.expected_error,
+    HYPOTHESES.c.needs_review,
+    ANNOTATIONS.c.cad_probability,
+    ANNOTATIONS.c.none_probability,
+    ANNOTATIONS.c.cad_needs_review,
+    CANDIDATES.c.probability,
+    *(table.c[name] for table in (ANNOTATIONS, FAILURES) for name in ("truncated", "tiny", "unsure")),
 )
