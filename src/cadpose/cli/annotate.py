@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cadpose.cli.given import Boxes, DetectionsFile, MaskFiles, Polygons, Rotations, objects_told
 from cadpose.cli.options import (
     AlignTo,
     Candidates,
@@ -26,26 +27,21 @@ from cadpose.cli.output import complain, print_json, print_table, progress_bar
 from cadpose.cli.view_index import Embedding, open_index
 
 if TYPE_CHECKING:
-    from cadpose.annotations.parts import AnnotationPart
-    from cadpose.batch.run import DetectionsOf, PhotoOutcome
-    from cadpose.records import Detection, Photo
+    from cadpose.annotations.annotation_part import AnnotationPart
+    from cadpose.annotations.parts import DetectionPart
+    from cadpose.batch.run import PhotoOutcome
 
 
 def annotate(
     photos: Annotated[list[str], typer.Argument(metavar="PHOTO|DIR|GLOB...", help="Photographs.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the outputs.")] = Path("runs/annotate"),
     store: Annotated[str | None, typer.Option("--store", help="Also keep them in sqlite:///file.db.")] = None,
-    box: Annotated[
-        list[str] | None, typer.Option("--box", help="x0,y0,x1,y1 in pixels, instead of the detector.")
-    ] = None,
+    box: Boxes = None,
+    polygon: Polygons = None,
+    mask: MaskFiles = None,
     category: Categories = None,
-    rotation: Annotated[
-        list[str] | None,
-        typer.Option("--rotation", help="azimuth,elevation,inplane of the boxes, in degrees."),
-    ] = None,
-    detections: Annotated[
-        Path | None, typer.Option("--detections", help="COCO JSON with boxes, masks, rotations.")
-    ] = None,
+    rotation: Rotations = None,
+    detections: DetectionsFile = None,
     detector: DetectorName = "embedded",
     masks: MasksName = "grabcut",
     library: LibraryFolder = None,
@@ -68,21 +64,16 @@ def annotate(
 
     Exit code 1: a photo, or an object that was found or given, could not be annotated; the others were.
     """
-    if detections is not None and (box or rotation):
-        raise typer.BadParameter("give either --detections or --box and --rotation, not both")
-    if rotation and not box:
-        raise typer.BadParameter("--rotation belongs to --box: give the box of the object too")
     if embedding is not None and index is None:
         raise typer.BadParameter("--embedding belongs to --index: name the view index too")
-    for option, given in (("--category", category), ("--rotation", rotation)):
-        if box and given and len(given) not in (1, len(box)):
-            raise typer.BadParameter(f"{option} was given {len(given)} times for {len(box)} boxes")
     from cadpose.annotations.store import Store
     from cadpose.batch.run import annotate_photos
     from cadpose.photos import find_photos
 
-    known = _given(box or [], category or [], rotation or [], detections)
+    known = objects_told(box, polygon, mask, category, rotation, detections)
     paths = find_photos(photos)
+    if (polygon or mask) and len(paths) > 1:
+        raise typer.BadParameter(f"--polygon and --mask belong to one photo, {len(paths)} were named")
     annotator = make_annotator(
         library,
         device=device,
@@ -102,7 +93,12 @@ def annotate(
     try:
         with progress_bar("annotate", len(paths)) as bar:
             for outcome in annotate_photos(
-                annotator, paths, out, detections=known, store=keep, resume=resume
+                annotator,
+                paths,
+                out,
+                detections=None if known is None else known.detect,
+                store=keep,
+                resume=resume,
             ):
                 outcomes.append(outcome)
                 for sentence in _complaints(outcome):
@@ -111,35 +107,13 @@ def annotate(
     finally:
         if keep is not None:
             keep.close()
+    unnamed = {o.photo for o in outcomes if known is not None and not known.knows(str(o.photo))}
     if json:
-        print_json([_told(outcome) for outcome in outcomes])
+        print_json([_told(o) | {"named": o.photo not in unnamed} for o in outcomes])
     else:
-        _print(outcomes, out)
+        _print(outcomes, out, unnamed)
     if any(_complaints(outcome) for outcome in outcomes):
         raise typer.Exit(1)
-
-
-def _given(
-    boxes: list[str], categories: list[str], rotations: list[str], file: Path | None
-) -> DetectionsOf | None:
-    from cadpose.detection.coco_json import FileDetector
-    from cadpose.detection.given import given_detections, parse_box, parse_rotation
-    from cadpose.errors import InputError
-
-    if file is not None:
-        return FileDetector(file, categories or None).detect
-    if not boxes:
-        return None
-    try:
-        parsed = [parse_box(text) for text in boxes]
-        turned = [parse_rotation(text) for text in rotations]
-    except InputError as error:
-        raise typer.BadParameter(str(error)) from None
-
-    def given(photo: Photo) -> list[Detection]:
-        return given_detections(photo, parsed, categories, turned)
-
-    return given
 
 
 def _complaints(outcome: PhotoOutcome) -> list[str]:
@@ -162,6 +136,7 @@ def _told(outcome: PhotoOutcome) -> dict[str, Any]:
             "annotations": [
                 {
                     "category": part.detection.category,
+                    **_doubts(part.detection),
                     "cad": part.cad.id,
                     "azimuth": part.pose.azimuth,
                     "elevation": part.pose.elevation,
@@ -178,10 +153,28 @@ def _told(outcome: PhotoOutcome) -> dict[str, Any]:
                 for part in outcome.document.annotations
             ],
             "failures": [
-                {"category": f.detection.category, "reason": f.reason} for f in outcome.document.failures
+                {"category": f.detection.category, **_doubts(f.detection), "reason": f.reason}
+                for f in outcome.document.failures
             ],
         }
     return told
+
+
+def _doubts(detection: DetectionPart) -> dict[str, Any]:
+    """What may be wrong with the detection."""
+    return {
+        "alternatives": [{"category": o.category, "score": o.score} for o in detection.alternatives],
+        "truncated": detection.truncated,
+        "tiny": detection.tiny,
+        "unsure": detection.unsure,
+    }
+
+
+def _category(detection: DetectionPart) -> str:
+    from cadpose.annotations.style import category_text
+
+    others = (other.category for other in detection.alternatives)
+    return category_text(detection.category, others, detection.unsure)
 
 
 def _confidence(part: AnnotationPart) -> dict[str, Any]:
@@ -206,7 +199,9 @@ def _chance(part: AnnotationPart) -> str:
     return f"needs review {chance:.2f}" if part.cad_needs_review else f"{chance:.2f}"
 
 
-def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
+def _print(outcomes: list[PhotoOutcome], out: Path, unnamed: set[Path]) -> None:
+    from cadpose.annotations.style import flags_of
+
     columns = [
         "category",
         "CAD model",
@@ -215,6 +210,7 @@ def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
         "probability",
         "focal length",
         "box IoU",
+        "flags",
     ]
     empty = [""] * len(columns)
     rows = []
@@ -225,7 +221,8 @@ def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
             continue
         parts = outcome.document.annotations
         if not parts and not outcome.document.failures:
-            rows.append([name, "no object found", *empty[1:]])
+            none = "the file does not name it" if outcome.photo in unnamed else "no object found"
+            rows.append([name, none, *empty[1:]])
         for part in parts:
             pose = part.pose
             # 359.7° is 0°, not 360°.
@@ -236,17 +233,24 @@ def _print(outcomes: list[PhotoOutcome], out: Path) -> None:
             rows.append(
                 [
                     name,
-                    part.detection.category,
+                    _category(part.detection),
                     part.cad.name,
                     _chance(part),
                     angles,
                     f"needs review {probability}" if sure["needs_review"] else probability,
                     f"{pose.focal_px:.0f} px",
                     f"{part.box_iou:.2f}",
+                    " ".join(flags_of(part.detection)),
                 ]
             )
         rows += [
-            [name, failure.detection.category, "left out", *empty[2:]]
+            [
+                name,
+                _category(failure.detection),
+                "left out",
+                *empty[3:],
+                " ".join(flags_of(failure.detection)),
+            ]
             for failure in outcome.document.failures
         ]
     print_table(f"{len(outcomes)} photos", ["photo", *columns], rows)

@@ -3,69 +3,101 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cadpose.cli.options import Categories, DetectorName, Device, Json, Seed
+from cadpose.cli.options import Categories, DetectorName, Device, Json, MasksName, Seed
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
+
+if TYPE_CHECKING:
+    from cadpose.batch.detect import PhotoDetections
+    from cadpose.records import Detection
 
 
 def detect(
     photos: Annotated[list[str], typer.Argument(metavar="PHOTO|DIR|GLOB...", help="Photographs.")],
     category: Categories = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Draw the boxes into this folder.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Draw masks and boxes into this folder.")
+    ] = None,
+    coco: Annotated[Path | None, typer.Option("--coco", help="Write this COCO JSON file.")] = None,
     detector: DetectorName = "embedded",
+    masks: MasksName = "grabcut",
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
-    """Find the objects of photographs: boxes and categories."""
-    from cadpose.annotations.boxes import draw_detections
-    from cadpose.annotations.files import output_paths, spare_photos, write_atomic
-    from cadpose.annotations.style import png_bytes
-    from cadpose.backends import make_detector
-    from cadpose.errors import CadposeError
+    """Find the objects of photographs: boxes, categories and masks."""
+    from cadpose.backends import make_detector, make_masks
+    from cadpose.batch.detect import detect_photos
     from cadpose.library.class_map import CATEGORIES
-    from cadpose.photos import find_photos, read_photo
+    from cadpose.photos import find_photos
 
     unknown = [name for name in category or () if name not in CATEGORIES]
     if unknown:
         raise typer.BadParameter(f"no detector knows {unknown[0]!r}, only {', '.join(sorted(CATEGORIES))}")
     paths = find_photos(photos)
-    pictures = [p.json.with_suffix(".detections.png") for p in output_paths(paths, out or Path())]
-    if out is not None:
-        spare_photos(pictures, paths)
+    # Nobody would see them in the table.
+    shown = masks != "none" and (json or out is not None or coco is not None)
+    estimator = make_masks(masks, device, seed) if shown else None
     finder = make_detector(detector, category, device)
+    rows: list[list[str]] = []
     told: list[dict[str, Any]] = []
     with progress_bar("detect", len(paths)) as bar:
-        for path, picture in zip(paths, pictures, strict=True):
-            try:
-                photo = read_photo(path)
-                found = finder.detect(photo)
-                if out is not None:
-                    write_atomic(picture, png_bytes(draw_detections(photo, found)))
-                objects = [
-                    {"category": d.category, "score": round(d.score, 4), "box": list(d.box.to_tuple())}
-                    for d in found
-                ]
-                told.append({"photo": str(path), "error": None, "detections": objects})
-            except CadposeError as error:
-                complain(str(error))
-                told.append({"photo": str(path), "error": str(error), "detections": []})
+        for found in detect_photos(finder, estimator, paths, out=out, coco=coco):
+            if found.error:
+                complain(found.error)
+            if json:
+                told.append(_told(found))
+            rows += _rows(found)
             bar.advance(bar.tasks[0].id)
     if json:
         print_json(told)
     else:
-        rows = []
-        for t in told:
-            name = Path(t["photo"]).name
-            if not t["detections"]:
-                rows.append([name, "failed" if t["error"] else "no object found", "", ""])
-            rows += [
-                [name, d["category"], f"{d['score']:.2f}", " ".join(f"{v:.0f}" for v in d["box"])]
-                for d in t["detections"]
-            ]
-        print_table(f"{len(told)} photos", ["photo", "category", "score", "box"], rows)
-    if any(t["error"] for t in told):
+        print_table(f"{len(paths)} photos", ["photo", "category", "score", "box", "flags"], rows)
+        if out is not None:
+            typer.echo(f"Pictures: {out / 'index.html'}")
+    if any(row[1] == "failed" for row in rows):
         raise typer.Exit(1)
+
+
+def _told(found: PhotoDetections) -> dict[str, Any]:
+    from cadpose.detection.coco_writing import compressed_mask
+
+    return {
+        "photo": str(found.photo),
+        "error": found.error or None,
+        "picture": None if found.picture is None else str(found.picture),
+        "detections": [
+            {
+                "category": d.category,
+                "score": round(d.score, 4),
+                "box": list(d.box.to_tuple()),
+                "alternatives": [{"category": c, "score": round(s, 4)} for c, s in d.alternatives],
+                "truncated": d.truncated,
+                "tiny": d.tiny,
+                "unsure": d.unsure,
+                "mask": None if d.mask is None else compressed_mask(d.mask),
+            }
+            for d in found.detections
+        ],
+    }
+
+
+def _rows(found: PhotoDetections) -> list[list[str]]:
+    name = found.photo.name
+    if not found.detections:
+        return [[name, "failed" if found.error else "no object found", "", "", ""]]
+    return [[name, *_row(d)] for d in found.detections]
+
+
+def _row(d: Detection) -> list[str]:
+    from cadpose.annotations.style import category_text, flags_of
+
+    return [
+        category_text(d.category, (name for name, _ in d.alternatives), d.unsure),
+        f"{d.score:.2f}",
+        " ".join(f"{v:.0f}" for v in d.box.to_tuple()),
+        " ".join(flags_of(d)),
+    ]

@@ -1,0 +1,118 @@
+"""The objects that the command line tells, in place of a detector: drawn there, or named as a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from cadpose.detection import DetectionSource
+    from cadpose.geometry.boxes import Box
+    from cadpose.records import Detection, Photo, Rotation
+
+Boxes = Annotated[
+    list[str] | None, typer.Option("--box", help="x0,y0,x1,y1 in pixels, instead of the detector.")
+]
+Polygons = Annotated[
+    list[str] | None, typer.Option("--polygon", help="'x,y x,y x,y ...' in pixels: an object's outline.")
+]
+MaskFiles = Annotated[list[Path] | None, typer.Option("--mask", help="PNG of one photo's object or objects.")]
+Rotations = Annotated[
+    list[str] | None,
+    typer.Option("--rotation", help="azimuth,elevation,inplane of the objects, in degrees."),
+]
+DetectionsFile = Annotated[
+    Path | None,
+    typer.Option("--detections", help="COCO JSON, Label Studio's JSON, or a folder of PNG masks."),
+]
+
+
+class DrawnObjects:
+    """Boxes, polygons and masks that hold for whatever photo is asked about."""
+
+    name = "user"
+
+    def __init__(
+        self,
+        boxes: list[Box],
+        polygons: list[list[float]],
+        masks: list[Path],
+        categories: list[str],
+        rotations: list[Rotation],
+    ) -> None:
+        self.boxes, self.polygons, self.masks = boxes, polygons, masks
+        self.categories, self.rotations = categories, rotations
+
+    def detect(self, photo: Photo) -> list[Detection]:
+        """The objects in that photo.
+
+        Raises:
+            InputError: one does not fit the photo, or the numbers of options do not fit.
+        """
+        from cadpose.detection.given import given_detections
+        from cadpose.detection.mask_png import read_masks
+        from cadpose.errors import InputError
+
+        masks = []
+        for path in self.masks:
+            found = read_masks(path, photo)
+            if not found:
+                raise InputError(f"{path} shows no object: all of its pixels are 0.")
+            masks += found
+        return given_detections(
+            photo, self.boxes, self.categories, self.rotations, polygons=self.polygons, masks=masks
+        )
+
+    def knows(self, photo_name: str) -> bool:
+        """Always."""
+        return True
+
+
+def objects_told(
+    boxes: list[str] | None,
+    polygons: list[str] | None,
+    masks: list[Path] | None,
+    categories: list[str] | None,
+    rotations: list[str] | None,
+    file: Path | None,
+) -> DetectionSource | None:
+    """What the options tell of the objects; None where they leave them to the detector.
+
+    Raises:
+        BadParameter: they exclude each other, do not fit in number, or are no numbers.
+        InputError: the file cannot be used.
+    """
+    from cadpose.detection.given import parse_box, parse_polygon, parse_rotation
+    from cadpose.detection.sources import open_detections
+    from cadpose.errors import InputError
+
+    drawn = bool(boxes or polygons or masks)
+    if file is not None:
+        if drawn or rotations:
+            raise typer.BadParameter(
+                "give either --detections or --box, --polygon, --mask and --rotation, not both"
+            )
+        return open_detections(file, categories or None)
+    if not drawn:
+        if rotations:
+            raise typer.BadParameter(
+                "--rotation belongs to --box, --polygon or --mask: give the place of the object too"
+            )
+        return None
+    count = len(boxes or []) + len(polygons or [])
+    for option, given in (("--category", categories), ("--rotation", rotations)):
+        # A mask may show several objects: how many is known when it is read.
+        if given and not masks and len(given) not in (1, count):
+            raise typer.BadParameter(f"{option} was given {len(given)} times for {count} objects")
+    try:
+        return DrawnObjects(
+            [parse_box(text) for text in boxes or []],
+            [parse_polygon(text) for text in polygons or []],
+            masks or [],
+            categories or [],
+            [parse_rotation(text) for text in rotations or []],
+        )
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from None
