@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from cadpose.cli.evaluate_detection import detection
+from cadpose.cli.evaluate_masks import masks
 from cadpose.cli.library_search import library_search
 from cadpose.cli.options import (
     Candidates,
+    DetectorName,
     Device,
     Estimator,
     Json,
@@ -20,16 +24,20 @@ from cadpose.cli.options import (
     make_annotator,
 )
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
-from cadpose.cli.retrieval import retrieval
+from cadpose.cli.retrieval import Boxes, retrieval
 
 if TYPE_CHECKING:
-    from cadpose.evaluation.perturbations import Perturbation
+    from cadpose.datasets.label import Label
     from cadpose.evaluation.rotation import RotationResult
+    from cadpose.geometry.boxes import Box
     from cadpose.pipeline import Annotator
+    from cadpose.records import Photo
 
 app = typer.Typer(help="Tables over labelled photographs.", no_args_is_help=True)
 app.command("retrieval")(retrieval)
 app.command("library")(library_search)
+app.command("detection")(detection)
+app.command("masks")(masks)
 
 _Labels = Annotated[Path, typer.Argument(help="Label file, JSON or JSONL: photo, box, category, azimuth ...")]
 _Category = Annotated[str | None, typer.Option("--category", help="Only labels of this category.")]
@@ -66,6 +74,8 @@ def rotation(
         Literal["usual", "with-true", "without-true"],
         typer.Option("--pool", help="Whether the labelled CAD model is among those that vote."),
     ] = "usual",
+    boxes: Boxes = "true",
+    detector: DetectorName = "embedded",
     estimator: Estimator = "embedded",
     library: LibraryFolder = None,
     candidates: Candidates = 10,
@@ -84,6 +94,7 @@ def rotation(
     from cadpose.evaluation.perturbations import Perturbation
     from cadpose.evaluation.pool import label_pool
     from cadpose.evaluation.report import prepare_report
+    from cadpose.evaluation.retrieval_inputs import boxes_in_photos, detected_box
     from cadpose.evaluation.rotation import evaluate_rotation, rotation_table
     from cadpose.evaluation.symmetry import label_symmetry
 
@@ -91,6 +102,8 @@ def rotation(
         perturbation = Perturbation(jitter, shrink, turn, seed)
     except ValueError as error:  # not a number is in no range, but passes typer's
         raise typer.BadParameter(str(error)) from None
+    if boxes == "detected" and jitter:
+        raise typer.BadParameter("--jitter moves labelled boxes: leave it out with --boxes detected")
 
     wanted = read_labels(labels, category, split)
     if unoccluded:
@@ -99,23 +112,33 @@ def rotation(
         # Before the long part, so that nothing is evaluated in vain.
         prepare_report(report, [labels, *(label.photo for label in wanted)])
     annotator = make_annotator(
-        library, device=device, seed=seed, candidates=candidates, renderer=renderer, estimator=estimator
+        library,
+        device=device,
+        seed=seed,
+        candidates=candidates,
+        renderer=renderer,
+        estimator=estimator,
+        detector=detector,
     )
+    seen = boxes_in_photos(perturbation, None if boxes == "true" else detected_box(annotator))
     voters = label_pool(annotator.library, pool, candidates)
     with progress_bar("rotation", len(wanted)) as bar:
         results = evaluate_rotation(
             perturbation.turned_labels(wanted),
-            lambda label: annotator.estimate_rotation(
-                *perturbation.object_in_photo(label), label.category, voters(label)
-            ),
+            lambda label: annotator.estimate_rotation(*seen(label), label.category, voters(label)),
             CadposeError,
             lambda _: bar.advance(bar.tasks[0].id),
             label_symmetry(annotator.library, symmetry),
         )
-    _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason])
+    _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason and not r.lost])
     table = rotation_table(results) | confidence_figures(results)
     if report is not None:
-        _write_report(report, annotator, results, table, perturbation, str(labels))
+        facts = {
+            "Labels": str(labels),
+            "Boxes": "as labelled" if boxes == "true" else f"detected ({annotator.detector.name})",
+            "Perturbation": perturbation.in_words(),
+        }
+        _write_report(report, annotator, results, table, seen, facts)
     if json:
         print_json(table)
     else:
@@ -128,6 +151,7 @@ def rotation(
                 _share(row, "acc10"),
                 _degrees(row["mederr"]),
                 _share(row, "flips"),
+                *([str(row["lost"]), _share(row, "acc30_all")] if boxes == "detected" else []),
             ]
             for name, row in _rows(table)
         ]
@@ -141,16 +165,28 @@ def rotation(
                     _share(macro, "acc10"),
                     _degrees(macro["mederr"]),
                     _share(macro, "flips"),
+                    *(["", ""] if boxes == "detected" else []),
                 ]
             )
         columns = ["category", "photos", "yield", "Acc@30 [95 %]", "Acc@10", "MedErr", "flips"]
+        columns += ["not found", "Acc@30 of all [95 %]"] if boxes == "detected" else []
         print_table("Rotation", columns, rows)
         if table["symmetric"]:
             typer.echo(f"Photos scored modulo the object's symmetry: {table['symmetric']} of {table['n']}")
         _print_confidence(table)
         if report is not None:
             typer.echo(f"Report: {report / 'report.html'}")
-    _exit(table)
+        _print_lost(results)
+    if any(r.reason and not r.lost for r in results):
+        raise typer.Exit(1)
+
+
+def _print_lost(results: Sequence[RotationResult]) -> None:
+    """Why the detector lost photos, the most frequent reason first."""
+    reasons = Counter(r.reason for r in results if r.lost)
+    if reasons:
+        told = "; ".join(f"{reason} ({n})" for reason, n in reasons.most_common(8))
+        typer.echo(f"Not found by the detector: {told}")
 
 
 def _print_confidence(table: dict[str, Any]) -> None:
@@ -169,8 +205,8 @@ def _write_report(
     annotator: Annotator,
     results: Sequence[RotationResult],
     table: dict[str, Any],
-    perturbation: Perturbation,
-    labels: str,
+    seen: Callable[[Label], tuple[Photo, Box]],
+    facts: dict[str, str],
 ) -> None:
     from cadpose.evaluation.report import write_report
     from cadpose.evaluation.worst import compare, worst_results
@@ -179,12 +215,10 @@ def _write_report(
     drawn = []
     with progress_bar("report", len(chosen)) as bar:
         for result in chosen:
-            drawn.append(compare(annotator, result, perturbation.object_in_photo))
+            drawn.append(compare(annotator, result, seen))
             bar.advance(bar.tasks[0].id)
-    facts = {
-        "Labels": labels,
+    facts |= {
         "Estimator": annotator.rotation.name,
-        "Perturbation": perturbation.in_words(),
         "Library": annotator.library.digest,
         "Scored modulo symmetry": f"{table['symmetric']} of {table['n']} photos",
     }
@@ -205,11 +239,6 @@ def _share(row: dict[str, Any], key: str) -> str:
 
 def _degrees(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}°"
-
-
-def _exit(table: dict[str, Any]) -> None:
-    if table["yield"] < 1.0:
-        raise typer.Exit(1)
 
 
 def _report_failures(failures: Sequence[tuple[str, str]]) -> None:

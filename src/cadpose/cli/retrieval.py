@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cadpose.cli.options import Candidates, Device, Json, LibraryFolder, RendererName, Seed, make_annotator
+from cadpose.cli.options import (
+    Candidates,
+    DetectorName,
+    Device,
+    Json,
+    LibraryFolder,
+    RendererName,
+    Seed,
+    make_annotator,
+)
 from cadpose.cli.output import complain, print_json, progress_bar
 from cadpose.cli.targets import check_targets
 
@@ -70,6 +79,7 @@ def retrieval(
     measure: Measures = None,
     rotation: RotationFrom = "predicted",
     boxes: Boxes = "true",
+    detector: DetectorName = "embedded",
     reject_flagged: RejectFlagged = False,
     category: Annotated[str | None, typer.Option("--category", help="Only labels of this category.")] = None,
     split: Annotated[
@@ -127,7 +137,14 @@ def retrieval(
         dataset, gallery, tuple(measure or ("aligned",)), rotation, boxes, reject_flagged, category, split,
         limit, accept, device, seed,
     )  # fmt: skip
-    annotator = make_annotator(library, device=device, seed=seed, candidates=candidates, renderer=renderer)
+    annotator = make_annotator(
+        library,
+        device=device,
+        seed=seed,
+        candidates=candidates,
+        renderer=renderer,
+        detector=detector,
+    )
     with photo_progress("retrieval") as progress:
         tables, outcomes = run_job(
             job, annotator, out, resume=resume, beside_paper=beside_paper, progress=progress

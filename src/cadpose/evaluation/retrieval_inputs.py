@@ -11,6 +11,7 @@ import numpy as np
 from cadpose.datasets.gallery import Gallery
 from cadpose.datasets.labels import Label, iter_labels, read_labels
 from cadpose.errors import CadposeError, InputError
+from cadpose.evaluation.perturbations import Perturbation
 from cadpose.geometry.boxes import Box, box_iou
 from cadpose.library.catalogue import Library
 from cadpose.pipeline import Annotator
@@ -151,6 +152,29 @@ def detected_box(annotator: Annotator) -> Boxes:
             taken = max(found, key=lambda pair: pair[0].score)[0].category
             raise RejectedError(f"{label.category} taken for {taken}")
         return max(right, key=lambda pair: pair[0].score)[1]
+
+    return of
+
+
+def boxes_in_photos(
+    perturbation: Perturbation, boxes: Boxes | None = None
+) -> Callable[[Label], tuple[Photo, Box]]:
+    """The photo of a label and the box to look at.
+
+    Args:
+        perturbation: What is done to photo and labelled box.
+        boxes: Takes another box than the labelled one, see `detected_box`; asked once a label.
+    """
+    kept: dict[tuple[Path, Box | None], Box] = {}
+
+    def of(label: Label) -> tuple[Photo, Box]:
+        photo, box = perturbation.object_in_photo(label)
+        if boxes is None:
+            return photo, box
+        key = label.photo, label.box
+        if key not in kept:
+            kept[key] = boxes(label, photo, box)
+        return photo, kept[key]
 
     return of
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from cadpose.datasets.labels import Label
+from cadpose.evaluation.retrieval_inputs import RejectedError
 from cadpose.evaluation.statistics import macro_mean, wilson_interval
 from cadpose.geometry.angles import azimuth_error, rotation_from_angles
 from cadpose.geometry.symmetry_groups import SymmetryGroup
@@ -33,6 +34,7 @@ class RotationResult:
         hypotheses: All that was answered, best first.
         hypothesis_errors: Error of each hypothesis in degrees, measured as ``error`` is.
         symmetry: The group that the errors are taken modulo, None for plain errors.
+        lost: The detector did not find the object: a measured outcome, told in ``reason``.
     """
 
     label: Label
@@ -43,6 +45,7 @@ class RotationResult:
     hypotheses: tuple[RotationHypothesis, ...] = ()
     hypothesis_errors: tuple[float, ...] = ()
     symmetry: SymmetryGroup | None = None
+    lost: bool = False
 
 
 def rotation_error(label: Label, estimate: Rotation, symmetry: SymmetryGroup | None = None) -> float:
@@ -99,6 +102,8 @@ def evaluate_rotation(
 ) -> list[RotationResult]:
     """Run ``estimate`` over the labels; a ``recoverable`` error fails that photo only.
 
+    A photo that ``estimate`` rejects (RejectedError) was lost by the detector.
+
     Args:
         labels: What is true.
         estimate: Hypotheses of a label's object, best first, at least one; the first one is scored.
@@ -113,6 +118,8 @@ def evaluate_rotation(
             result = rotation_result(
                 label, hypotheses[0].rotation, hypotheses=hypotheses, symmetry=symmetry(label)
             )
+        except RejectedError as error:
+            result = replace(rotation_result(label, None, str(error)), lost=True)
         except recoverable as error:
             result = rotation_result(label, None, str(error))
         results.append(result)
@@ -126,8 +133,9 @@ def rotation_table(results: Sequence[RotationResult]) -> dict[str, Any]:
     ``acc30``, ``acc10``, ``flips`` and ``yield`` are fractions of 1, ``mederr`` is in degrees.
     ``acc30_top5`` counts a photo as right where any of its first five hypotheses is.
     ``symmetric`` counts the answers whose errors were taken modulo a symmetry that is not trivial.
-    Accuracies are over the photos that gave an answer; ``yield`` says how many did. Where none did, all
-    but ``n`` and ``yield`` are None.
+    Accuracies are over the photos that gave an answer; ``yield`` says how many did. Where none did, they,
+    ``mederr`` and ``flips`` are None. ``acc30_all`` and ``acc10_all`` are over all photos, one without an
+    answer counting as wrong; ``lost`` counts those whose object the detector did not find.
     """
     classes = sorted({r.label.category for r in results})
     rows = {c: _row([r for r in results if r.label.category == c]) for c in classes}
@@ -149,10 +157,14 @@ def _row(results: Sequence[RotationResult]) -> dict[str, Any]:
         "n": n,
         "symmetric": sum(not group.is_trivial for group in modulo),
         "yield": n / len(results) if results else 0.0,
+        "lost": sum(r.lost for r in results),
         "acc30": float((errors <= 30).mean()) if n else None,
         "acc30_interval": list(wilson_interval(int((errors <= 30).sum()), n)) if n else None,
         "acc30_top5": float((oracle <= 30).mean()) if n else None,
         "acc10": float((errors <= 10).mean()) if n else None,
+        "acc30_all": float((errors <= 30).sum() / len(results)) if results else None,
+        "acc30_all_interval": list(wilson_interval(int((errors <= 30).sum()), len(results))),
+        "acc10_all": float((errors <= 10).sum() / len(results)) if results else None,
         "mederr": float(np.median(errors)) if n else None,
         "flips": float((turns > FLIP_DEGREES).mean()) if n else None,
     }
