@@ -96,8 +96,8 @@ def test_a_detector_takes_no_other_words(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "module", "extra"),
     [
-        ("detectors", "cadpose.detection.detectors", "detectors"),
-        ("rfdetr:nano", "cadpose.detection.rfdetr.detector", "rfdetr"),
+        ("detectors", "cadpose.detection.mmdet.detector", "detectors"),
+        ("rfdetr:n", "cadpose.detection.rfdetr.detector", "rfdetr"),
     ],
 )
 def test_a_missing_extra_is_told_with_its_pip_line(
@@ -119,12 +119,12 @@ def test_a_detector_gets_what_was_asked_for(monkeypatch: pytest.MonkeyPatch) -> 
         setattr(stand_in, name, lambda *given, **named: made.append((*given, *named.values())))
         monkeypatch.setitem(sys.modules, module, stand_in)
     make_detector("rfdetr", ["car"])
-    make_detector("rfdetr:large", None, "cuda")
+    make_detector("rfdetr:l", None, "cuda")
     make_detector("onnx:my/head.json", ["bed"])
     make_masks("network", "cuda")
     assert made == [
         (RFDETR_SIZE, ["car"], "cpu"),
-        ("large", None, "cuda"),
+        ("l", None, "cuda"),
         (Path("my/head.json"), ["bed"], "cpu"),
         ("cuda",),
     ]

@@ -43,7 +43,7 @@ DETECTORS = ("embedded", "ssd", "ssd:tiles", "detectors", "rfdetr", "rfdetr:SIZE
 #: Box-to-mask methods by name; ``none`` takes the whole box.
 MASKS = ("grabcut", "network", "none")
 #: RF-DETR's size where none is named.
-RFDETR_SIZE = "medium"
+RFDETR_SIZE = "s"
 
 
 @dataclass(frozen=True)
@@ -275,7 +275,7 @@ def make_detector(name: str, categories: Collection[str] | None = None, device: 
         return SsdDetector(categories, tiles=bool(rest))
 
     def detectors() -> Any:
-        return _optional("cadpose.detection.detectors", "DetectorsDetector", name)(categories, device)
+        return _optional("cadpose.detection.mmdet.detector", "DetectorsDetector", name)(categories, device)
 
     def rfdetr() -> Any:
         made = _optional("cadpose.detection.rfdetr.detector", "RfDetrDetector", name)
