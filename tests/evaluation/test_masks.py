@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
+from cadpose.datasets.label import RunLengths
 from cadpose.datasets.scene_sets import open_scenes
 from cadpose.detection.box_masks import BoxMasks
 from cadpose.evaluation.mask_quality import TOLERANCE, boundary_f, outline
@@ -106,8 +107,9 @@ def test_jitter_moves_the_boxes_alike_in_every_run(tmp_path: Path) -> None:
 
 def test_the_sheets_hold_no_object_twice() -> None:
     def outcome(i: int) -> MaskOutcome:
-        score = MaskScore(i / 100, 0.5, 0.0, None)  # type: ignore[arg-type]
-        return MaskOutcome(Path(f"{i:03}"), "car", Box(0, 0, 1, 1), None, {"x": score})  # type: ignore[arg-type]
+        runs = RunLengths((1, 1), (0, 1))
+        score = MaskScore(i / 100, 0.5, 0.0, runs)
+        return MaskOutcome(Path(f"{i:03}"), "car", Box(0, 0, 1, 1), runs, {"x": score})
 
     some = [outcome(i) for i in range(60)]
     sheets = {name: [o.photo.name for o in few] for name, few in chosen(some, "x", 4).items()}
