@@ -134,7 +134,7 @@ def test_objectness_multiplies_and_masks_follow_their_queries() -> None:
 
 def test_masks_of_queries() -> None:
     maps = np.random.default_rng(0).uniform(size=(1, 2, 5, 7)).astype(np.float16)
-    outputs = {"boxes": CORNERS, "scores": SCORES, "masks": maps}
+    outputs: dict[str, NDArray[Any]] = {"boxes": CORNERS, "scores": SCORES, "masks": maps}
     told = head(masks={"kind": "queries", "output": "masks", "form": "probability", "crop": True})
     found = instances(told, outputs, CANVAS, 0.7)
     assert found.mask_of is not None and found.crop
