@@ -1,6 +1,7 @@
 # make demo   sets everything up and annotates real photographs
 # make test   lint, types and every test; those of training need PyTorch, see docs/dependencies.md
 # make blender  the optional Blender renderer (GPL-3) in a virtualenv of its own; its tests run when it is there
+# make detectors  what DetectoRS needs but for its weights (PyTorch among it); its tests run when it is there
 # The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
 
 PYTHON ?= python3
@@ -8,7 +9,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 APT    := $(shell [ "$$(id -u)" = 0 ] || echo sudo) apt-get
 
-.PHONY: demo test test-fast lint models blender clean
+.PHONY: demo test test-fast lint models blender detectors clean
 
 demo: $(VENV)/.demo models
 	$(BIN)/cadpose library add sweethome3d
@@ -36,6 +37,10 @@ blender: $(VENV)/.test
 	$(APT) update -q && $(APT) install -qy --no-install-recommends libx11-6 libgl1 libsm6 libxext6 libxfixes3 \
 		libxi6 libxrender1 libxkbcommon0
 	$(BIN)/cadpose blender setup
+
+detectors: $(VENV)/.test
+	$(BIN)/python -m pip install -q -e '.[detectors]'
+	$(BIN)/cadpose detectors setup
 
 # Debian's python3 comes without venv; ask apt for it only where it is missing.
 $(BIN)/python:

@@ -54,7 +54,7 @@ def test_suppression_is_onnxruntimes(seed: int, count: int, threshold: float) ->
     rng = np.random.default_rng(seed)
     boxes = boxes_in(rng, count, 60.0)
     scores = rng.permutation(np.linspace(0.01, 0.99, count)).astype(np.float32)
-    inputs = {
+    inputs: dict[str, NDArray[Any]] = {
         "boxes": boxes[None],
         "scores": scores[None, None],
         "most": np.array([count], np.int64),
@@ -159,7 +159,9 @@ def test_deformed_convolution_is_onnxruntimes(
         offset_group=offset_groups,
     )
     found = deform_conv2d(
-        *map(torch.from_numpy, (x, offset, weight)),
+        torch.from_numpy(x),
+        torch.from_numpy(offset),
+        torch.from_numpy(weight),
         stride=stride,
         padding=(padding[0], padding[1]),
         dilation=dilation,

