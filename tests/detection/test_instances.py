@@ -62,6 +62,18 @@ def test_only_wanted_categories() -> None:
     assert detected(found(row), {"chair"}) == [] and detected(found(row), set()) == []
 
 
+def test_vans_are_cars_by_half_where_told() -> None:
+    def categories(vans: bool, wanted: Collection[str] | None) -> list[tuple[str, float]]:
+        out = detections(
+            found((BOX, [0.8, 0.1])), CANVAS, ("truck", "car"), wanted,
+            min_score=0.3, suppression=None, most=9, source="x", vans=vans,
+        )  # fmt: skip
+        return [(d.category, d.score) for d in out]
+
+    assert categories(True, {"car"}) == [("car", 0.4)] and categories(False, {"car"}) == []
+    assert categories(True, None) == categories(False, None) == [("truck", 0.8)]
+
+
 def test_boxes_are_clipped_and_slivers_dropped() -> None:
     chair = [0, 0.9, 0, 0, 0, 0, 0]
     outside, sliver, inverted = [110, 0, 120, 50], [10, 10, 10.4, 50], [30, 30, 20, 40]

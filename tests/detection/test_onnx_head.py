@@ -25,6 +25,8 @@ def test_a_whole_description(tmp_path: Path) -> None:
     assert head.outputs == ("boxes", "scores", "masks") and head.class_names == ("person", "chair", "table")
     assert head.min_score == 0.3 and head.suppression is not None and head.suppression.across_classes
     assert Head.model_validate_json(head.model_dump_json()) == head
+    none = Head.model_validate({**described(), "suppression": None})
+    assert Head.model_validate_json(none.model_dump_json(exclude_defaults=True)) == none != head
 
 
 def test_outputs_of_all_parts_are_asked_for_once() -> None:

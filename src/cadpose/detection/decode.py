@@ -6,7 +6,7 @@ end in boxes at wrong places.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.detection.canvas import Canvas
-from cadpose.detection.instances import Instances, MaskOf
+from cadpose.detection.instances import Instances, MaskOf, detections
 from cadpose.detection.onnx_head import Boxes, Head, Part, PrototypeMasks, QueryMasks, Scores
 from cadpose.geometry.frames import FloatArray
+from cadpose.records import Detection
 
 #: Shares of the input beyond which boxes are no shares; objects cut by the edge reach a little outside.
 FAR = 10.0
@@ -100,6 +101,33 @@ def instances(head: Head, outputs: Outputs, canvas: Canvas, min_score: float) ->
         scores=np.clip(scores[queries].astype(np.float64), 0.0, 1.0),
         mask_of=_masks(reader, head.masks, queries, len(scores)),
         crop=crop,
+    )
+
+
+def head_detections(
+    head: Head,
+    outputs: Outputs,
+    canvas: Canvas,
+    classes: Sequence[str | None],
+    wanted: Collection[str] | None,
+    min_score: float,
+    source: str,
+) -> list[Detection]:
+    """Detections in photo pixels, best first; see :func:`cadpose.detection.instances.detections`.
+
+    Raises:
+        OutputError: the outputs are not as described, or are not numbers.
+    """
+    return detections(
+        instances(head, outputs, canvas, min_score),
+        canvas,
+        classes,
+        wanted,
+        min_score=min_score,
+        suppression=head.suppression,
+        most=head.most,
+        source=source,
+        vans=isinstance(head.classes, str),
     )
 
 

@@ -79,6 +79,7 @@ def detections(
     suppression: Suppression | None,
     most: int,
     source: str,
+    vans: bool = False,
 ) -> list[Detection]:
     """Detections in photo pixels, best first.
 
@@ -94,6 +95,7 @@ def detections(
         suppression: How repeats are dropped.
         most: Largest number of detections; fewer where their masks would not fit in ``MAX_MASK_BYTES``.
         source: What made them.
+        vans: Buses and trucks count as cars by half, since COCO files vans and pickups under them.
 
     Raises:
         OutputError: masks are no numbers.
@@ -104,7 +106,7 @@ def detections(
         if len(kept) == MOST_COMPARED:
             break
         box = _box(boxes[i], canvas.photo)
-        ranked = _ranked(found.scores[i], classes, wanted)
+        ranked = _ranked(found.scores[i], classes, wanted, vans)
         if box is not None and ranked and ranked[0][1] >= min_score:
             (category, score), others = ranked[0], ranked[1 : 1 + ALTERNATIVES]
             alternatives = tuple((c, s) for c, s in others if s >= ALTERNATIVE)
@@ -120,17 +122,20 @@ def detections(
 
 
 def _ranked(
-    scores: FloatArray, classes: Sequence[str | None], wanted: Collection[str] | None
+    scores: FloatArray, classes: Sequence[str | None], wanted: Collection[str] | None, vans: bool
 ) -> list[tuple[str, float]]:
     """Wanted categories of an object with their scores, best first; empty where its best class is ignored."""
     if classes[int(scores.argmax())] is None:
         return []
     votes: dict[str, float] = {}
     for i in np.flatnonzero(scores > 0.0).tolist():
-        category = classes[i]
-        if category is not None and (wanted is None or category in wanted):
-            votes[category] = max(votes.get(category, 0.0), float(scores[i]))
-    return sorted(votes.items(), key=lambda item: -item[1])
+        category, score = classes[i], float(scores[i])
+        if category is not None:
+            votes[category] = max(votes.get(category, 0.0), score)
+        if vans and category in ("bus", "truck"):
+            votes["car"] = max(votes.get("car", 0.0), score / 2.0)
+    kept = [(c, s) for c, s in votes.items() if wanted is None or c in wanted]
+    return sorted(kept, key=lambda item: -item[1])
 
 
 def _box(corners: FloatArray, photo: tuple[int, int]) -> Box | None:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from cadpose.detection.canvas import Canvas, network_input
-from cadpose.detection.decode import OutputError, instances
-from cadpose.detection.instances import class_categories, detections
+from cadpose.detection.decode import OutputError, head_detections
+from cadpose.detection.instances import class_categories
 from cadpose.detection.onnx_head import Head, network_path, read_head, read_network
 from cadpose.errors import InputError
 from cadpose.onnx_session import open_session
@@ -77,15 +77,8 @@ class OnnxDetector:
             ) from None
         try:
             outputs = dict(zip(head.outputs, (np.asarray(v) for v in values), strict=True))
-            return detections(
-                instances(head, outputs, canvas, self.min_score),
-                canvas,
-                self._classes,
-                self.categories,
-                min_score=self.min_score,
-                suppression=head.suppression,
-                most=head.most,
-                source=self.name,
+            return head_detections(
+                head, outputs, canvas, self._classes, self.categories, self.min_score, self.name
             )
         except OutputError as error:
             raise InputError(f"{self._network}, described by {self.path.name}, {error}.") from None

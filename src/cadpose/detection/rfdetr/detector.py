@@ -8,8 +8,8 @@ from threading import Lock
 from typing import Any
 
 from cadpose.detection.canvas import Canvas, network_input
-from cadpose.detection.decode import OutputError, instances
-from cadpose.detection.instances import class_categories, detections
+from cadpose.detection.decode import OutputError, head_detections
+from cadpose.detection.instances import class_categories
 from cadpose.detection.rfdetr.checkpoint import read_checkpoint
 from cadpose.detection.rfdetr.network import build, configuration, require_transformers, run
 from cadpose.detection.rfdetr.sizes import SIZES, head_of
@@ -72,15 +72,8 @@ class RfDetrDetector:
             network = self._network
         outputs = run(network, network_input(photo.rgb, canvas, head.input), self.device)
         try:
-            return detections(
-                instances(head, outputs, canvas, self.min_score),
-                canvas,
-                self._classes,
-                self.categories,
-                min_score=self.min_score,
-                suppression=head.suppression,
-                most=head.most,
-                source=self.name,
+            return head_detections(
+                head, outputs, canvas, self._classes, self.categories, self.min_score, self.name
             )
         except OutputError as error:
             raise DependencyError(f"{self._file} is damaged: the network {error}") from None

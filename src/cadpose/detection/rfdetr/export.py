@@ -60,7 +60,7 @@ def export_network(network: Any, side: int, folder: Path, name: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     write_atomic(folder / head.network, data)
     description = folder / f"{name}.json"
-    write_atomic(description, head.model_dump_json(indent=2, exclude_none=True).encode() + b"\n")
+    write_atomic(description, head.model_dump_json(indent=2, exclude_defaults=True).encode() + b"\n")
     return description
 
 
