@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,16 @@ import pytest
 
 from cadpose.detection import onnx_head
 from cadpose.detection.coco import COCO_NAMES
-from cadpose.detection.onnx_head import Head, network_path, read_head, read_network
+from cadpose.detection.onnx_head import (
+    Boxes,
+    Head,
+    HeadInput,
+    Scores,
+    network_path,
+    read_head,
+    read_network,
+)
+from cadpose.detection.rfdetr.sizes import head_of
 from cadpose.errors import InputError
 from tests.detection.heads import described, write
 
@@ -144,3 +154,28 @@ def test_a_link_may_not_lead_out_of_the_folder(tmp_path: Path) -> None:
     (inside / "net.onnx").symlink_to(tmp_path / "net.onnx")
     with pytest.raises(InputError, match="leads out of its folder"):
         network_path(path, read_head(path))
+
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "detection.md").read_text(encoding="utf-8")
+
+
+def test_the_examples_of_the_documentation_are_descriptions() -> None:
+    blocks = [b for b in re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL) if "cadpose-detector" in b]
+    rfdetr, yolo = (Head.model_validate_json(b) for b in blocks)
+    # Roboflow's export, and what we export ourselves, differ in names of files only.
+    assert rfdetr == head_of(384, rfdetr.network)
+    assert yolo.outputs == ("output0", "output1") and len(yolo.class_names) == 80
+
+
+def test_every_key_is_in_the_documentation_with_its_default() -> None:
+    table = PAGE.split("| key | meaning | where it is missing |")[1].split("\n\n")[0]
+    keys = set(re.findall(r"`([a-z_0-9]+(?:\.[a-z_]+)?)`", table))
+    for prefix, model in (("", Head), ("input.", HeadInput)):
+        for name in set(model.model_fields) - {"input"}:
+            assert prefix + name in keys, name
+    for name in {*Boxes.model_fields, *Scores.model_fields} - {"output", "transposed", "first", "count"}:
+        assert {name, f"boxes.{name}", f"scores.{name}"} & keys, name
+    defaults = Head.model_fields
+    for name in ("min_score", "most"):
+        (row,) = re.findall(rf"^\| `{name}` \|.*\| ([0-9.]+) \|$", table, re.MULTILINE)
+        assert float(row) == defaults[name].default
