@@ -207,6 +207,14 @@ def test_masks_that_are_no_numbers_are_told_when_asked_for() -> None:
         found.mask_of(0)
 
 
+def test_one_wild_box_is_let_through() -> None:
+    boxes = np.concatenate([CORNERS, CORNERS]) / SIDE
+    boxes[3] = 50.0
+    told = head(boxes={"output": "boxes", "form": "xyxy", "unit": "normalised"})
+    found = instances(told, {"boxes": boxes, "scores": np.concatenate([SCORES, SCORES])}, CANVAS, 0.3)
+    np.testing.assert_allclose(found.boxes[:2], CORNERS, atol=1e-4)
+
+
 def test_unsure_queries_may_hold_anything() -> None:
     boxes = CORNERS.copy()
     boxes[1] = np.nan
