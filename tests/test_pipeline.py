@@ -117,7 +117,7 @@ def test_provenance_names_everything_that_took_part(annotator: Annotator, hatch:
         "cadpose": cadpose.__version__,
         "library": annotator.library.digest,
         "detector": "embedded",
-        "masks": "grabcut",
+        "masks": "network",
         "rotation": "embedded",
         "similarity": annotator.similarity.name,
         "renderer": "raster-2x2",
@@ -292,7 +292,7 @@ def test_the_detector_runs_only_when_nothing_is_given(small_library: Library, ha
     ("stage", "known"),
     [
         ("detector", "embedded"),
-        ("masks", "grabcut"),
+        ("masks", "network, grabcut, none"),
         ("rotation", "embedded"),
         ("similarity", "joint, aligned, fused, sm1"),
         ("renderer", "raster, blender"),

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 #: Detectors by name; what may follow a colon, or has to.
 DETECTORS = ("embedded", "ssd", "ssd:tiles", "detectors", "rfdetr", "rfdetr:SIZE", "onnx:FILE.json")
 #: Box-to-mask methods by name; ``none`` takes the whole box.
-MASKS = ("grabcut", "network", "none")
+MASKS = ("network", "grabcut", "none")
 #: RF-DETR's size where none is named.
 RFDETR_SIZE = "s"
 
@@ -334,7 +334,7 @@ def make_masks(name: str, device: str = "cpu", seed: int = 0) -> MaskEstimator:
 
         return BoxMasks()
 
-    makers: dict[str, Callable[[], Any]] = {"grabcut": grabcut, "network": network, "none": none}
+    makers: dict[str, Callable[[], Any]] = {"network": network, "grabcut": grabcut, "none": none}
     return cast(MaskEstimator, _choose("masks", name, makers))
 
 

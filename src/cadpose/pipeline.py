@@ -119,7 +119,7 @@ class Annotator:
         library: Library | Path | str | None = None,
         *,
         detector: object = "embedded",
-        masks: object = "grabcut",
+        masks: object = "network",
         rotation: object = "embedded",
         similarity: object = "joint",
         renderer: object = "raster",

@@ -115,6 +115,15 @@ REGISTRY: dict[str, Weights] = {
             package="cadpose",
             requirement="cadpose",
         ),
+        Weights(
+            name="masks",
+            file="data/weights/masks.onnx",
+            sha256="83c3b13f276b7f0236f7e246b925762e1fc19ed49541b6577a78728cc855f6df",
+            size=1_958_472,
+            licence="Apache-2.0",
+            package="cadpose",
+            requirement="cadpose",
+        ),
         # The package's metadata names no licence: it is a dependency and never copied into this project.
         Weights(
             name="ssd-mobilenet-v2-coco",

@@ -104,11 +104,13 @@ class TestFusion:
         assert [(d.category, d.box.to_tuple()) for d in found] == [("chair", LEFT), ("chair", RIGHT)]
         assert dict(found[0].alternatives)["sofa"] == pytest.approx(0.6)
 
-    def test_pickups_count_half_as_cars(self) -> None:
+    def test_pickups_count_half_as_cars_and_wholly_where_lite0_agrees(self) -> None:
         rows = [("truck", 0.7, LEFT)]
         (found,) = detector(*rows, lite=FakeLite0(car=0.9)).detect(PHOTO)
         assert found.category == "car"
         assert detector(*rows).detect(PHOTO)[0].category == "truck"
+        assert detector(*rows, lite=FakeLite0(car=0.3, truck=0.1)).detect(PHOTO)[0].category == "car"
+        assert detector(*rows, lite=FakeLite0(car=0.1, truck=0.3)).detect(PHOTO)[0].category == "truck"
 
     def test_only_wanted_categories(self) -> None:
         rows = [("chair", 0.9, LEFT), ("clock", 0.8, RIGHT)]

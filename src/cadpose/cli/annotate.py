@@ -43,7 +43,7 @@ def annotate(
     rotation: Rotations = None,
     detections: DetectionsFile = None,
     detector: DetectorName = "embedded",
-    masks: MasksName = "grabcut",
+    masks: MasksName = "network",
     library: LibraryFolder = None,
     candidates: Candidates = 10,
     index: Annotated[

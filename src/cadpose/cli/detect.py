@@ -23,7 +23,7 @@ def detect(
     ] = None,
     coco: Annotated[Path | None, typer.Option("--coco", help="Write this COCO JSON file.")] = None,
     detector: DetectorName = "embedded",
-    masks: MasksName = "grabcut",
+    masks: MasksName = "network",
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,

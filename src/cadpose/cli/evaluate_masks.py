@@ -69,7 +69,7 @@ def masks(
     scenes = open_scenes(dataset, images)
     own = [] if report is None else [("--report", path) for path in report_files(report)]
     check_targets([("--csv", csv)], own, read_files(dataset, scenes))
-    estimators = {name: make_masks(name, device, seed) for name in dict.fromkeys(masks or ["grabcut"])}
+    estimators = {name: make_masks(name, device, seed) for name in dict.fromkeys(masks or ["network"])}
     chosen = evenly_spread(scenes.scenes, limit)
     with progress_bar("masks", len(chosen)) as bar:
         outcomes, failed = evaluate_masks(

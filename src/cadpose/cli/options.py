@@ -110,7 +110,10 @@ def make_annotator(
     detector: str = "embedded",
     masks: str = "grabcut",
 ) -> Annotator:
-    """The annotator that the options ask for; imported here, so that ``--help`` is quick."""
+    """The annotator that the options ask for; imported here, so that ``--help`` is quick.
+
+    Evaluations leave ``masks`` as it is: what the docs tell of the measures was measured with it.
+    """
     from cadpose.pipeline import Annotator
 
     return Annotator(

@@ -57,8 +57,11 @@ FORGOTTEN = 0.5
 #: An object of no sure category is proposed from this share of the photo's area on, and unless living things
 #: fill the other share.
 STANDS_OUT, LIVELY = 0.05, 0.25
-#: COCO calls pickups trucks and vans buses, which a library files under cars: half a vote for those.
+#: COCO calls pickups trucks and vans buses, which a library files under cars: half a vote for those, and a
+#: whole one where Lite0 sees a car rather than a truck or a bus.
 VANS = frozenset([6, 8])
+#: Less than this is no word of Lite0 at all.
+HINT = 0.05
 
 
 @dataclass(slots=True)
@@ -69,6 +72,7 @@ class _Place:
     votes: dict[str, float] = field(default_factory=dict)
     objectness: float = 0.0
     living: float = 0.0
+    vans: float = 0.0
 
 
 class EmbeddedDetector:
@@ -227,9 +231,13 @@ def _fused(
     known, sure = max(seen.items(), key=lambda item: item[1])
     doubt = TRUST * max(0.0, 2.0 * sure - 1.0)
     fused = {}
+    # COCO has no word for pickups and vans: Lite0 says which of its trucks and buses are cars.
+    small = seen.get("car", 0.0) > max(seen.get("truck", 0.0), seen.get("bus", 0.0), HINT)
     for category in dict.fromkeys([*place.votes, *seen]):
         if categories is None or category in categories:
             vote = place.votes.get(category, 0.0) * (1.0 if category == known else 1.0 - doubt)
+            if category == "car" and small:
+                vote = max(vote, place.vans)
             fused[category] = 1.0 - (1.0 - vote) * (1.0 - trust * seen.get(category, 0.0))
     return sorted(fused.items(), key=lambda item: -item[1])
 
@@ -280,6 +288,7 @@ def _places(raw: RawBoxes) -> list[_Place]:
             votes = {category: score}
             if coco in VANS:
                 votes["car"] = score / 2.0
+                place.vans = max(place.vans, score)
             for name, vote in votes.items():
                 place.votes[name] = max(place.votes.get(name, 0.0), vote)
     # Large places with a category first: Lite0 looks at a limited number.

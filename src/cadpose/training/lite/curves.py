@@ -18,6 +18,9 @@ _MEASURED = (
     ("macro30", "Acc@30, mean of categories"),
     ("acc10", "Acc@10"),
     ("match1", "model found by its embedding"),
+    ("iou", "IoU of masks, mean"),
+    ("median", "IoU of masks, median"),
+    ("over90", "masks with an IoU of at least 0.9"),
 )
 
 
