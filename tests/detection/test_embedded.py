@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cadpose.detection import Detector
+from cadpose.detection.box_masks import BoxMasks
 from cadpose.detection.coco import COCO_NAMES
 from cadpose.detection.embedded import MOST, EmbeddedDetector
 from cadpose.detection.imagenet import IMAGENET_INDICES
@@ -56,7 +57,7 @@ def detector(
     categories: list[str] | None = None,
     propose: bool = False,
 ) -> EmbeddedDetector:
-    made = EmbeddedDetector(categories, encoder=lite or FakeLite0(), propose=propose)
+    made = EmbeddedDetector(categories, encoder=lite or FakeLite0(), propose=propose, masks=BoxMasks())
     made._ssd = FakeSsd(*rows)  # type: ignore[assignment]
     return made
 
@@ -159,6 +160,20 @@ class TestUnboxed:
         (found,) = detector(("clock", 0.05, near), lite=SeesBlack("cabinet")).detect(photo)
         assert found.category == "cabinet"
 
+    def test_the_place_is_narrowed_to_what_is_seen_in_it(self) -> None:
+        class Corner:
+            name = "corner"
+
+            def mask(self, photo: Photo, box: Box) -> NDArray[np.bool_]:
+                out = np.zeros((photo.height, photo.width), np.bool_)
+                out[100:300, 200:500] = True
+                return out
+
+        made = detector(lite=FakeLite0(cabinet=0.8))
+        made.masks = Corner()
+        (found,) = made.detect(PHOTO)
+        assert found.box == Box(200, 100, 500, 300)
+
     def test_a_faint_word_of_the_ssd_gives_way(self) -> None:
         full = (0.0, 0.0, 600.0, 400.0)
         found = detector(("book", 0.4, full), lite=FakeLite0(bookcase=0.35)).detect(PHOTO)
@@ -177,7 +192,7 @@ class SeesBlack(FakeLite0):
         black = (images[..., 0] < 100).mean(axis=(1, 2))
         p[:, IMAGENET_INDICES[self.category][0]] = 0.05 + 0.9 * np.minimum(1.0, 12.0 * black)
         p[:, 1] = 1.0 - p.sum(axis=1)
-        return np.log(p).astype(np.float32)
+        return np.asarray(np.log(p), np.float32)
 
 
 class TestProposals:

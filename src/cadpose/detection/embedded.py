@@ -22,6 +22,8 @@ import numpy as np
 
 from cadpose.detection.coco import COCO_NAMES, LIVING
 from cadpose.detection.imagenet import GREY, category_probabilities
+from cadpose.detection.mask_network import NetworkMasks
+from cadpose.detection.masks import MaskEstimator
 from cadpose.detection.ssd import RawBoxes, Ssd
 from cadpose.detection.suppression import share_inside, suppress
 from cadpose.encoder import Lite0, lite0
@@ -50,6 +52,8 @@ MOST = 16
 SURE, ALONE = 0.5, 0.3
 #: Cells a side in which windows add up to where an object is, and the share of the hottest that is object.
 GRID, HOT = 48, 0.6
+#: A place is narrowed to its mask's rectangle, but to no less than this share of it.
+TIGHT = 0.1
 #: A faint box of the SSD that overlaps that place so much is taken in its stead.
 NEAR = 0.6
 #: A score of the SSD's that Lite0 does not share is forgotten below this, where Lite0 is sure of another.
@@ -86,6 +90,7 @@ class EmbeddedDetector:
         most: Largest number of detections a photo.
         propose: Where nothing is found, propose what stands out, its category unsure.
         encoder: Lite0; the process's shared one by default.
+        masks: Narrows boxes that follow no edge; the shipped network by default.
     """
 
     name = "embedded"
@@ -100,6 +105,7 @@ class EmbeddedDetector:
         most: int = 20,
         propose: bool = True,
         encoder: Lite0 | None = None,
+        masks: MaskEstimator | None = None,
     ) -> None:
         self.categories = None if categories is None else frozenset(categories)
         self.min_score = min_score
@@ -108,6 +114,7 @@ class EmbeddedDetector:
         self.most = most
         self.propose = propose
         self.encoder = encoder or lite0()
+        self.masks: MaskEstimator = masks or NetworkMasks(self.encoder.device)
         self._ssd = Ssd()
 
     def detect(self, photo: Photo) -> list[Detection]:
@@ -163,7 +170,14 @@ class EmbeddedDetector:
         if near.max(initial=0.0) >= NEAR:
             boxes = [Box(*b.tolist()) for b in raw.boxes[near >= NEAR]][:MOST]
             box = boxes[int(np.argmax([p.get(category, 0.0) for p in self._seen(photo, boxes)]))]
+        else:
+            box = self._tightened(photo, box)
         return [_detection(box, [(c, TRUST * p) for c, p in ranked], self.name)]
+
+    def _tightened(self, photo: Photo, box: Box) -> Box:
+        """The rectangle of what the mask network sees in the box, unless that is next to nothing of it."""
+        own = Box.from_mask(self.masks.mask(photo, box))
+        return own if own.area >= TIGHT * box.area else box
 
     def _where(self, photo: Photo, category: str) -> Box:
         """Where the photo shows the category: windows slide over it, and what Lite0 says of them adds up."""
