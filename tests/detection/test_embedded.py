@@ -220,6 +220,20 @@ class TestProposals:
         (found,) = detector(("chair", 0.9, LEFT), propose=True).detect(PHOTO)
         assert not found.unsure
 
+    def test_asking_for_faint_ones_adds_them_and_changes_nothing_else(self) -> None:
+        rows = [("clock", 0.15, (300.0, 20.0, 560.0, 380.0))]
+        lite = FakeLite0(cabinet=0.4)
+        made, faint = detector(*rows, lite=lite), detector(*rows, lite=lite)
+        faint.min_score = 0.05
+        usual, asked = (
+            {(d.category, d.box.to_tuple(), d.score) for d in one.detect(PHOTO)} for one in (made, faint)
+        )
+        assert usual and usual < asked
+        rows = [("clock", 0.6, RIGHT)]
+        strict = detector(*rows, propose=True)
+        strict.min_score = 0.9
+        assert len(detector(*rows).detect(PHOTO)) == 1 and strict.detect(PHOTO) == []
+
 
 class TestRealPhotos:
     """The installed network through the installed OpenCV, on photos that leave no doubt."""

@@ -119,7 +119,7 @@ def paper(
             resume=resume,
             progress=lambda done, total: bar.update(bar.tasks[0].id, completed=done, total=total),
         )
-    annotator = make_annotator(library, device=device, seed=seed, candidates=models)
+    annotator = make_annotator(library, device=device, seed=seed, candidates=models, masks="grabcut")
     with photo_progress("retrieval") as progress:
         tables, outcomes = evaluate_paper_set(
             out,

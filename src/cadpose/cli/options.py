@@ -108,12 +108,9 @@ def make_annotator(
     estimator: str = "embedded",
     categories: list[str] | None = None,
     detector: str = "embedded",
-    masks: str = "grabcut",
+    masks: str = "network",
 ) -> Annotator:
-    """The annotator that the options ask for; imported here, so that ``--help`` is quick.
-
-    Evaluations leave ``masks`` as it is: what the docs tell of the measures was measured with it.
-    """
+    """The annotator that the options ask for; imported here, so that ``--help`` is quick."""
     from cadpose.pipeline import Annotator
 
     return Annotator(

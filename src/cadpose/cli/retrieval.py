@@ -141,6 +141,8 @@ def retrieval(
         library,
         device=device,
         seed=seed,
+        # What the docs tell of the measures was measured with these.
+        masks="grabcut",
         candidates=candidates,
         renderer=renderer,
         detector=detector,

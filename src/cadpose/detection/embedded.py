@@ -56,6 +56,8 @@ GRID, HOT = 48, 0.6
 TIGHT = 0.1
 #: A faint box of the SSD that overlaps that place so much is taken in its stead.
 NEAR = 0.6
+#: Detections from this score on are objects, by which it is decided whether others are looked for.
+DECIDED = 0.3
 #: A score of the SSD's that Lite0 does not share is forgotten below this, where Lite0 is sure of another.
 FORGOTTEN = 0.5
 #: An object of no sure category is proposed from this share of the photo's area on, and unless living things
@@ -84,7 +86,7 @@ class EmbeddedDetector:
 
     Args:
         categories: Library categories to keep; None keeps all.
-        min_score: Lowest score that is returned.
+        min_score: Lowest score that is returned; what Lite0 alone places, and proposals, may have less.
         tiles: Also look at quarters of the photo: finds smaller objects, takes five times as long.
         smallest: Boxes with a shorter side than this share of the photo's longer side are dropped.
         most: Largest number of detections a photo.
@@ -99,7 +101,7 @@ class EmbeddedDetector:
         self,
         categories: Collection[str] | None = None,
         *,
-        min_score: float = 0.3,
+        min_score: float = DECIDED,
         tiles: bool = True,
         smallest: float = 0.03,
         most: int = 20,
@@ -131,12 +133,17 @@ class EmbeddedDetector:
         for place, box, probabilities in zip(places, boxes, seen[:-1], strict=True):
             if ranked := _fused(place, _own(place, probabilities, places), self.categories):
                 found.append(_detection(box, ranked, self.name))
-        kept = suppress([d for d in found if d.score >= self.min_score])
+        kept = suppress([d for d in found if d.score >= DECIDED])
         for added in self._unboxed(photo, kept, raw, seen[-1]):
             kept = [d for d in kept if d.score >= FORGOTTEN or _iou(d.box, added.box) <= SAME_PLACE]
             kept.append(added)
         if not kept and self.propose:
             kept = self._standing_out(photo, raw, places)
+        # What is decided above does not depend on how faint the detections are that are asked for.
+        for d in suppress([d for d in found if self.min_score <= d.score < DECIDED]):
+            if all(_iou(d.box, k.box) <= SAME_PLACE for k in kept):
+                kept.append(d)
+        kept = [d for d in kept if d.score >= self.min_score or d.score < DECIDED]
         return sorted(kept, key=lambda d: -d.score)[: self.most]
 
     def _large_enough(self, places: list[_Place], photo: Photo) -> list[_Place]:
@@ -222,7 +229,7 @@ class EmbeddedDetector:
         if not ranked or ranked[0][1] < FAINT:
             return []
         whole = sum(p for _, p in ranked)
-        told = [(c, self.min_score * p / whole) for c, p in ranked]
+        told = [(c, 0.99 * DECIDED * p / whole) for c, p in ranked]
         return [replace(_detection(boxes[0], told, self.name, least=0.0), unsure=True)]
 
 

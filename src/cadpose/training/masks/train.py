@@ -137,7 +137,8 @@ def train(options: TrainingOptions, on_step: OnStep, **numbers: Any) -> Training
             curves.add(row | {name: float(value) for name, value in losses.items()})
         if step % recipe.validate_every == 0 or step == recipe.steps:
             _save(checkpoint, model, average, optimiser, step, photos + entered)
-            curves.add({"step": step, "unseen": True, **_measured(model, average, unseen)})
+            if unseen:
+                curves.add({"step": step, "unseen": True, **_measured(model, average, unseen, where)})
         on_step(step, recipe.steps)
     curves.draw()
     rows = [row for row in curves.rows if row.get("unseen")]
@@ -217,15 +218,17 @@ def _unseen(drawn: Sources) -> list[Crops]:
 
 
 @torch.no_grad()
-def _measured(model: MaskNetwork, average: AveragedModel, unseen: list[Crops]) -> dict[str, float]:
+def _measured(
+    model: MaskNetwork, average: AveragedModel, unseen: list[Crops], where: torch.device
+) -> dict[str, float]:
     found = []
     for seen in unseen:
-        images = seen.images.to(memory_format=torch.channels_last)
+        images = seen.images.to(where, memory_format=torch.channels_last)
         maps = model.taps((images - 127.0) / 128.0)
         average.module.eval()
-        logits, _ = cast(Any, average.module)(maps, seen.boxes)
-        found.append(ious(logits, seen.masks))
-    every = torch.cat(found) if found else torch.zeros(1)
+        logits, _ = cast(Any, average.module)(maps, seen.boxes.to(where))
+        found.append(ious(logits, seen.masks.to(where)))
+    every = torch.cat(found)
     return {
         "iou": float(every.mean()),
         "median": float(every.median()),
