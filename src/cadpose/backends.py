@@ -9,7 +9,6 @@ import os
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -274,16 +273,20 @@ def make_detector(name: str, categories: Collection[str] | None = None, device: 
 
         return SsdDetector(categories, tiles=bool(rest))
 
-    def detectors() -> Any:
-        return _optional("cadpose.detection.mmdet.detector", "DetectorsDetector", name)(categories, device)
+    def detectors() -> Detector:
+        from cadpose.detection.mmdet.detector import DetectorsDetector
 
-    def rfdetr() -> Any:
-        made = _optional("cadpose.detection.rfdetr.detector", "RfDetrDetector", name)
-        return made(rest or RFDETR_SIZE, categories, device)
+        return DetectorsDetector(categories, device)
 
-    def onnx() -> Any:
-        made = _optional("cadpose.detection.onnx_detector", "OnnxDetector", name)
-        return made(Path(rest), categories, device)
+    def rfdetr() -> Detector:
+        from cadpose.detection.rfdetr.detector import RfDetrDetector
+
+        return RfDetrDetector(rest or RFDETR_SIZE, categories, device)
+
+    def onnx() -> Detector:
+        from cadpose.detection.onnx_detector import OnnxDetector
+
+        return OnnxDetector(Path(rest), categories, device)
 
     makers: dict[str, Callable[[], Any]] = {
         "embedded": lambda: embedded_detector(device, categories),
@@ -326,8 +329,10 @@ def make_masks(name: str, device: str = "cpu", seed: int = 0) -> MaskEstimator:
 
         return GrabCutMasks(seed=seed)
 
-    def network() -> Any:
-        return _optional("cadpose.detection.mask_network", "NetworkMasks", name)(device=device)
+    def network() -> MaskEstimator:
+        from cadpose.detection.mask_network import NetworkMasks
+
+        return NetworkMasks(device=device)
 
     def none() -> MaskEstimator:
         from cadpose.detection.box_masks import BoxMasks
@@ -336,18 +341,6 @@ def make_masks(name: str, device: str = "cpu", seed: int = 0) -> MaskEstimator:
 
     makers: dict[str, Callable[[], Any]] = {"network": network, "grabcut": grabcut, "none": none}
     return cast(MaskEstimator, _choose("masks", name, makers))
-
-
-def _optional(module: str, name: str, asked_for: str) -> Any:
-    """A class of a module that may need an extra."""
-    try:
-        return getattr(import_module(module), name)
-    except ImportError as error:
-        lacking = error.name or str(error)
-        extra = asked_for.partition(":")[0]
-        raise DependencyError(
-            f"{asked_for} needs {lacking}, which is not installed: pip install 'cadpose[{extra}]'"
-        ) from error
 
 
 def _unknown(stage: str, name: object, known: Collection[str]) -> CadposeError:

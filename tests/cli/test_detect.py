@@ -99,6 +99,18 @@ def test_detect_refuses_a_category_that_no_detector_knows(tmp_path: Path) -> Non
     assert "zebra" in result.stderr
 
 
+def test_a_network_of_ones_own_has_classes_of_its_own(photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+
+    def made(*given: object) -> Certain:
+        asked.append(given)
+        return Certain()
+
+    monkeypatch.setattr("cadpose.backends.make_detector", made)
+    said(cadpose("detect", photo, "--detector", "onnx:own.json", "--category", "crane", "--json"))
+    assert asked == [("onnx:own.json", ["crane"], "cpu")]
+
+
 def test_annotate_with_coco_detections(
     small_library: Library, photo: Path, hatch: Shot, tmp_path: Path
 ) -> None:

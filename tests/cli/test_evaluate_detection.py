@@ -49,6 +49,9 @@ def test_what_cannot_be_evaluated(tmp_path: Path, made: dict[str, Any]) -> None:
     coco = write_coco(tmp_path)
     assert cadpose("evaluate", "detection", coco, "--detector", "best").exit_code == 2
     assert cadpose("evaluate", "masks", coco, "--masks", "best").exit_code == 2
+    assert "network (unless told)" in " ".join(
+        cadpose("evaluate", "masks", "--help").stdout.replace("│", " ").split()
+    )
     assert cadpose("evaluate", "masks", coco, "--jitter", "nan").exit_code == 2
     one_sentence(cadpose("evaluate", "detection", tmp_path / "gone.json"), "gone.json")
     one_sentence(cadpose("evaluate", "detection", coco, "--csv", coco), "--csv", "written over")

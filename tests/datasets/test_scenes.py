@@ -55,7 +55,8 @@ def test_coco(tmp_path: Path) -> None:
     assert scenes.categories == {"car", "bag", "kite"}
     car, bag, kite = objects(scenes.scenes[0])  # the box without width is left out
     assert (car.category, car.area, car.ignored, car.box) == ("car", 150.5, False, Box(10, 5, 30, 35))
-    assert bag.ignored and kite.box == Box(50, 30, 60, 40) and kite.area == 100 and kite.mask is None
+    assert (bag.crowd, bag.ignored, car.crowd) == (True, False, False)
+    assert kite.box == Box(50, 30, 60, 40) and kite.area == 100 and kite.mask is None
     assert car.mask is not None and bag.mask is not None
     photo = read_photo(tmp_path / "val" / "a.png")
     assert car.mask(photo).sum() == pytest.approx(300, abs=15)
@@ -172,7 +173,8 @@ def test_label_files(tmp_path: Path) -> None:
             [("chair", (0, 0, 60, 40))],
         ]
     car, bed = objects(scenes.scenes[0])
-    assert (car.ignored, bed.ignored) == (False, True) and bed.mask is None and car.mask is not None
+    assert (car.ignored, bed.ignored, bed.crowd) == (False, True, False)
+    assert bed.mask is None and car.mask is not None
     np.testing.assert_array_equal(car.mask(read_photo(a)), seen)
     with pytest.raises(InputError, match="leave out --images"):
         open_scenes(tmp_path, tmp_path)

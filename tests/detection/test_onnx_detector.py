@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,16 @@ def test_thresholds_and_categories(tmp_path: Path) -> None:
     (d,) = OnnxDetector(path, {"table", "lamp"}, min_score=0.1).detect(photo)
     assert d.category == "table" and d.score == pytest.approx(0.2)
     assert OnnxDetector(path, categories=[], min_score=0.1).detect(photo) == []
+
+
+def test_the_name_tells_one_network_from_another(tmp_path: Path) -> None:
+    def name(folder: str, network: np.ndarray[Any, Any] = CHAIR, **changes: Any) -> str:
+        (tmp_path / folder).mkdir()
+        return OnnxDetector(write(tmp_path / folder, described(**changes), bright_network(network))).name
+
+    first = name("a")
+    assert re.fullmatch(r"onnx:net@[0-9a-f]{12}", first) and name("b") == first
+    assert len({first, name("c", CHAIR / 2), name("d", min_score=0.5)}) == 3
 
 
 def outputs(**changes: Any) -> dict[str, Any]:

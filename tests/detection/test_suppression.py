@@ -8,17 +8,11 @@ from hypothesis import strategies as st
 from cadpose.detection.coco import COCO_NAMES, LIVING, is_living
 from cadpose.detection.suppression import share_inside, suppress
 from cadpose.geometry.boxes import Box, box_iou
-from cadpose.records import Detection, Mask
+from cadpose.records import Detection
 
 
 def found(score: float, box: tuple[float, float, float, float], category: str = "car") -> Detection:
     return Detection(Box(*box), category, score)
-
-
-def square(x0: int, x1: int) -> Mask:
-    mask = np.zeros((40, 100), np.bool_)
-    mask[:, x0:x1] = True
-    return mask
 
 
 WHOLE = (0.0, 0.0, 100.0, 100.0)
@@ -40,17 +34,6 @@ def test_the_better_of_two_on_one_place_is_kept(
 ) -> None:
     better, other = found(0.9, WHOLE), found(0.8, box, category)
     assert suppress([other, better]) == ([better, other] if kept else [better])
-
-
-def test_masks_tell_crossed_objects_apart_that_boxes_do_not() -> None:
-    box = Box(0, 0, 100, 40)
-    left = Detection(box, "car", 0.9, square(0, 50))
-    right = Detection(box, "bus", 0.8, square(50, 100))
-    again = Detection(box, "car", 0.7, square(0, 48))
-    assert suppress([left, right, again]) == [left]
-    assert suppress([left, right, again], masks=True) == [left, right]
-    bare = Detection(box, "bus", 0.6)
-    assert suppress([left, bare], masks=True) == [left], "a detection without a mask is compared by its box"
 
 
 numbers = st.floats(0, 100)

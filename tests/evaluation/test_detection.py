@@ -10,12 +10,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cadpose.datasets.scene_sets import open_scenes
+from cadpose.datasets.scenes import TrueObject
 from cadpose.detection.box_masks import BoxMasks
 from cadpose.errors import DependencyError, InputError
 from cadpose.evaluation.coco_metrics import average_precision, require_pycocotools
 from cadpose.evaluation.detection import Answer, Counts, Found, PhotoOutcome, Truth, match, size_of
 from cadpose.evaluation.detection_report import report_files, write_detection_report
-from cadpose.evaluation.detection_run import LIVING, Contestant, counted_categories, evaluate_detection
+from cadpose.evaluation.detection_run import (
+    LIVING,
+    Contestant,
+    counted_categories,
+    evaluate_detection,
+    truth_of,
+)
 from cadpose.evaluation.detection_sheet import MISSED, draw_sheet, worst_photos
 from cadpose.evaluation.detection_tables import DetectionTables, detection_tables
 from cadpose.geometry.boxes import Box
@@ -69,6 +76,38 @@ def test_a_crowd_forgives_all_that_lie_in_it() -> None:
     assert (matching.aside, matching.false, matching.missed) == ((0, 1), (2,), ())
     # A real object is taken before the crowd that it stands in.
     assert match([crowd, CAR], [found((0, 0, 100, 100))]).hits == {0: 1}
+
+
+def test_a_difficult_object_forgives_one_that_fits() -> None:
+    difficult = Truth(Box(0, 0, 100, 100), "car", 10_000, ignored=True)
+    twice = [found((0, 0, 100, 90)), found((0, 0, 100, 80), score=0.8), found((0, 0, 40, 40), score=0.7)]
+    matching = match([difficult], twice)
+    assert (matching.aside, matching.false, matching.missed) == ((0,), (1, 2), ())
+    assert matching.hits == {} and matching.placed == frozenset()
+
+
+def test_ap_forgives_one_on_a_difficult_object_and_many_in_a_crowd() -> None:
+    there = tuple(found((x, 0, x + 100, 100), score=0.9) for x in (0, 5, 10))
+    right = found((300, 300, 400, 400), score=0.5)
+
+    def ap50(crowd: bool = False, ignored: bool = False) -> float | None:
+        truth = (
+            Truth(Box(0, 0, 100, 100), "car", 10_000, crowd, ignored),
+            Truth(right.box, "car", 10_000),
+        )
+        answers = {"x": Answer((), (*there, right), (), 0.0)}
+        outcome = PhotoOutcome(Path("a.png"), (500, 500), truth, answers)
+        return average_precision([outcome], "x", ["car"]).ap50
+
+    assert ap50(crowd=True) == 1.0
+    assert ap50(ignored=True) == pytest.approx(1 / 3)  # two false ones before the right one
+
+
+def test_labels_keep_crowds_and_difficult_objects_apart() -> None:
+    photo = Photo(np.zeros((50, 60, 3), np.uint8))
+    for crowd, ignored in ((True, False), (False, True), (False, False)):
+        one = truth_of(TrueObject(Box(0, 0, 9, 9), "car", 81, ignored=ignored, crowd=crowd), photo)
+        assert (one.crowd, one.ignored) == (crowd, ignored)
 
 
 def test_counts() -> None:

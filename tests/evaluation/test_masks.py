@@ -92,6 +92,7 @@ def test_true_masks_and_halves_of_them(tmp_path: Path) -> None:
     assert made.total["none"].good == 3 and made.total["left"].good == 0
     assert made.total["left"].mean == pytest.approx(0.5, abs=0.01) and made.total["left"].boundary < 0.9
     assert set(made.by_category) == {"car", "chair"} and made.by_category["car"]["left"].objects == 2
+    assert "IoU >= 0.9, % [95 %]" in made.to_text()
     assert "100.0 [43.9, 100.0]" in made.to_text() and "real photos" in made.to_text()
     rows = list(csv.DictReader(io.StringIO(made.to_csv())))
     assert len(rows) == 6 and rows[0]["mean_iou"] == "1.00000"

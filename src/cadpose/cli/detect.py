@@ -34,8 +34,10 @@ def detect(
     from cadpose.library.class_map import CATEGORIES
     from cadpose.photos import find_photos
 
+    # A network of the user's has classes of its own.
+    own = detector.startswith("onnx:")
     unknown = [name for name in category or () if name not in CATEGORIES]
-    if unknown:
+    if unknown and not own:
         raise typer.BadParameter(f"no detector knows {unknown[0]!r}, only {', '.join(sorted(CATEGORIES))}")
     paths = find_photos(photos)
     # Nobody would see them in the table.

@@ -30,7 +30,7 @@ def masks(
         typer.Option(
             "--masks",
             callback=_known_masks,
-            help="What finds the pixels in a box: grabcut (unless told), network, none; repeatable.",
+            help="What finds the pixels in a box: network (unless told), grabcut, none; repeatable.",
         ),
     ] = None,
     category: Categories = None,

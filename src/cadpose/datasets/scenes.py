@@ -19,7 +19,8 @@ class TrueObject:
         box: Around what is seen of it, in pixels.
         category: Library category, or the data set's own word where the library has none.
         area: Pixels² by which it counts as small or large: as the data set tells, else the box's.
-        ignored: A crowd, or difficult: neither to be found nor to be missed.
+        ignored: Difficult: neither to be found nor to be missed.
+        crowd: Many objects in one label; ignored too, however many detections lie in it.
         mask: Gives the (H, W) mask of what is seen of it; raises InputError. None where there is none.
 
     Raises:
@@ -30,6 +31,7 @@ class TrueObject:
     category: str
     area: float
     ignored: bool = False
+    crowd: bool = False
     mask: Callable[[Photo], Mask] | None = None
 
     def __post_init__(self) -> None:

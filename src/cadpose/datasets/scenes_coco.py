@@ -7,61 +7,38 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from cadpose.datasets.files import inside, read_json
 from cadpose.datasets.scenes import Scene, SceneSet, TrueObject, library_word
-from cadpose.detection.polygons import mask_from_polygons
+from cadpose.detection.coco_parts import (
+    CocoAnnotation,
+    CocoCategory,
+    CocoImage,
+    CocoModel,
+    CocoRuns,
+    segmentation_mask,
+)
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.records import Mask, Photo
-from cadpose.rle import decode_mask, runs_from_text
 
 #: Most photos and annotations of one file.
 MAX_PHOTOS, MAX_ANNOTATIONS = 200_000, 2_000_000
 
-_Number = Annotated[float, Field(allow_inf_nan=False)]
-_Side = Annotated[int, Field(ge=1, le=1_000_000)]
 
-
-class _Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-
-class _Image(_Model):
-    id: int
-    file_name: Annotated[str, Field(min_length=1, max_length=4096)]
-    width: _Side | None = None
-    height: _Side | None = None
-
-
-class _Category(_Model):
-    id: int
-    name: Annotated[str, Field(min_length=1, max_length=200)]
-
-
-class _Runs(_Model):
-    size: tuple[_Side, _Side]
-    counts: list[int] | str
-
-
-class _Annotation(_Model):
-    image_id: int
-    category_id: int
-    bbox: tuple[_Number, _Number, _Number, _Number]
+class _Annotation(CocoAnnotation):
     area: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
-    segmentation: list[list[_Number]] | _Runs | None = None
-    iscrowd: int = 0
 
 
-class _File(_Model):
-    images: Annotated[list[_Image], Field(max_length=MAX_PHOTOS)]
-    categories: Annotated[list[_Category], Field(min_length=1)]
+class _File(CocoModel):
+    images: Annotated[list[CocoImage], Field(max_length=MAX_PHOTOS)]
+    categories: Annotated[list[CocoCategory], Field(min_length=1)]
     annotations: Annotated[list[_Annotation], Field(max_length=MAX_ANNOTATIONS)]
 
 
 def coco_scenes(path: Path, images: Path | None = None, content: Any = None) -> SceneSet:
-    """A file in COCO's JSON; crowds are ignored objects, and boxes without a pixel are left out.
+    """A file in COCO's JSON; boxes without a pixel are left out.
 
     Args:
         path: The file.
@@ -105,7 +82,7 @@ def coco_scenes(path: Path, images: Path | None = None, content: Any = None) -> 
 
 
 def _objects(
-    path: Path, image: _Image, own: Sequence[tuple[int, _Annotation]], names: dict[int, str], photo: Photo
+    path: Path, image: CocoImage, own: Sequence[tuple[int, _Annotation]], names: dict[int, str], photo: Photo
 ) -> list[TrueObject]:
     told = (image.width or photo.width, image.height or photo.height)
     if told != (photo.width, photo.height):
@@ -126,22 +103,15 @@ def _objects(
                 box=box,
                 category=names[annotation.category_id],
                 area=annotation.area or box.area,
-                ignored=annotation.iscrowd != 0,
+                crowd=annotation.iscrowd != 0,
                 mask=partial(_mask, f"{path}: annotation {i}", outline) if outline else None,
             )
         )
     return found
 
 
-def _mask(where: str, outline: list[list[float]] | _Runs, photo: Photo) -> Mask:
+def _mask(where: str, outline: list[list[float]] | CocoRuns, photo: Photo) -> Mask:
     try:
-        if isinstance(outline, _Runs):
-            counts = outline.counts
-            mask = decode_mask(outline.size, runs_from_text(counts) if isinstance(counts, str) else counts)
-        else:
-            mask = mask_from_polygons(photo.height, photo.width, outline)
+        return segmentation_mask(outline, photo)
     except ValueError as error:
         raise InputError(f"{where} has a segmentation that cannot be decoded ({error})") from None
-    if mask.shape != (photo.height, photo.width):
-        raise InputError(f"{where} has a segmentation of another size than its photo {photo.name}")
-    return mask

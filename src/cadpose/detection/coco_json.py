@@ -14,66 +14,44 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
+from cadpose.detection.coco_parts import (
+    CocoAnnotation,
+    CocoCategory,
+    CocoImage,
+    CocoModel,
+    CocoRuns,
+    Number,
+    segmentation_mask,
+)
 from cadpose.detection.photo_names import PhotoIndex
-from cadpose.detection.polygons import mask_from_polygons
 from cadpose.detection.reading import check_room, is_wanted, library_category, read_capped
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.records import Detection, Mask, Photo, Rotation
-from cadpose.rle import decode_mask, runs_from_text
 
 #: Largest detections file that is read.
 MAX_BYTES = 128 * 2**20
 
-_Number = Annotated[float, Field(allow_inf_nan=False)]
-_Side = Annotated[int, Field(ge=1, le=1_000_000)]
 
-
-class _Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-
-class _Image(_Model):
-    id: int
-    file_name: Annotated[str, Field(min_length=1, max_length=4096)]
-    width: _Side | None = None
-    height: _Side | None = None
-
-
-class _Category(_Model):
-    id: int
-    name: Annotated[str, Field(min_length=1, max_length=200)]
-
-
-class _Runs(_Model):
-    size: tuple[_Side, _Side]
-    counts: list[int] | str
-
-
-class _Alternative(_Model):
+class _Alternative(CocoModel):
     category: Annotated[str, Field(min_length=1, max_length=200)]
-    score: _Number
+    score: Number
 
 
-class _Annotation(_Model):
-    image_id: int
-    category_id: int
-    bbox: tuple[_Number, _Number, _Number, _Number]
+class _Annotation(CocoAnnotation):
     score: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
-    segmentation: list[list[_Number]] | _Runs | None = None
-    iscrowd: int = 0
-    azimuth: _Number | None = None
+    azimuth: Number | None = None
     elevation: Annotated[float, Field(ge=-90.0, le=90.0)] | None = None
-    inplane: _Number | None = None
+    inplane: Number | None = None
     unsure: bool = False
-    alternatives: list[_Alternative] = []
+    alternatives: tuple[_Alternative, ...] = ()
 
 
-class _File(_Model):
-    images: list[_Image]
-    categories: list[_Category]
+class _File(CocoModel):
+    images: list[CocoImage]
+    categories: list[CocoCategory]
     annotations: list[_Annotation]
 
 
@@ -95,7 +73,7 @@ class FileDetector:
         self.categories = None if categories is None else frozenset(categories)
         content = _parsed(self.path)
         self._names = {c.id: library_category(c.name) for c in content.categories}
-        self._images: PhotoIndex[_Image] = PhotoIndex(self.path, "give their folders in file_name")
+        self._images: PhotoIndex[CocoImage] = PhotoIndex(self.path, "give their folders in file_name")
         for image in content.images:
             self._images.add(image.file_name, image)
         self._annotations: dict[int, list[tuple[int, _Annotation]]] = {}
@@ -178,18 +156,11 @@ def _parsed(path: Path) -> _File:
         ) from None
 
 
-def _mask(segmentation: list[list[float]] | _Runs | None, photo: Photo) -> Mask | None:
+def _mask(segmentation: list[list[float]] | CocoRuns | None, photo: Photo) -> Mask | None:
     """(H, W) mask of the photo's size, None where nothing is told."""
     if not segmentation:
         return None
-    if isinstance(segmentation, _Runs):
-        if segmentation.size != (photo.height, photo.width):
-            raise ValueError(f"its size is {segmentation.size}, its photo's {(photo.height, photo.width)}")
-        counts = segmentation.counts
-        runs = runs_from_text(counts) if isinstance(counts, str) else counts
-        mask = decode_mask((photo.height, photo.width), runs)
-    else:
-        mask = mask_from_polygons(photo.height, photo.width, segmentation)
+    mask = segmentation_mask(segmentation, photo)
     if not mask.any():
         raise ValueError("it covers no pixel")
     return mask

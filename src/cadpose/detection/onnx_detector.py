@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
@@ -36,8 +37,6 @@ class OnnxDetector:
         InputError: either file cannot be used, or they do not fit together.
     """
 
-    name = "onnx"
-
     def __init__(
         self,
         description: Path | str,
@@ -51,6 +50,10 @@ class OnnxDetector:
         self.min_score = self.head.min_score if min_score is None else min_score
         self._classes = class_categories(self.head.class_names, self.categories)
         network = read_network(self.path, self.head)
+        # Two networks, or one described in two ways, are two detectors.
+        told = hashlib.sha256(self.head.model_dump_json().encode())
+        told.update(network)
+        self.name = f"onnx:{self.path.stem}@{told.hexdigest()[:12]}"
         self._network = network_path(self.path, self.head)
         try:
             self._session = open_session(network, device)
@@ -78,7 +81,7 @@ class OnnxDetector:
         try:
             outputs = dict(zip(head.outputs, (np.asarray(v) for v in values), strict=True))
             return head_detections(
-                head, outputs, canvas, self._classes, self.categories, self.min_score, self.name
+                head, outputs, canvas, self._classes, self.categories, self.min_score, "onnx"
             )
         except OutputError as error:
             raise InputError(f"{self._network}, described by {self.path.name}, {error}.") from None

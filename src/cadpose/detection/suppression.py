@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from cadpose.geometry.boxes import box_iou, mask_iou
+from cadpose.geometry.boxes import box_iou
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import Detection
 
@@ -22,7 +22,6 @@ def suppress(
     across: float = ACROSS,
     within: float = WITHIN,
     inside: float = INSIDE,
-    masks: bool = False,
 ) -> list[Detection]:
     """Greedy suppression, the best score first; of equal scores the first given.
 
@@ -31,27 +30,22 @@ def suppress(
         across: IoU in [0, 1] with a kept one of another category above which one is dropped.
         within: The same for one category.
         inside: One is dropped too where this share of its area lies within a kept one of its category.
-        masks: Measure both on the masks, where both detections have one of equal size, instead of the boxes.
 
     Returns:
         The kept detections, best first.
     """
     kept: list[Detection] = []
     for d in sorted(found, key=lambda d: -d.score):
-        if not any(_one_object(d, k, across, within, inside, masks) for k in kept):
+        if not any(_one_object(d, k, across, within, inside) for k in kept):
             kept.append(d)
     return kept
 
 
-def _one_object(d: Detection, k: Detection, across: float, within: float, inside: float, masks: bool) -> bool:
+def _one_object(d: Detection, k: Detection, across: float, within: float, inside: float) -> bool:
     """Whether ``d`` shows what ``k``, the better one, shows."""
     alike = d.category == k.category
-    if masks and d.mask is not None and k.mask is not None and d.mask.shape == k.mask.shape:
-        overlap = mask_iou(d.mask, k.mask)
-        share = float((d.mask & k.mask).sum() / max(d.mask.sum(), 1))
-    else:
-        a, b = np.array(d.box.to_tuple()), np.array(k.box.to_tuple())
-        overlap, share = float(box_iou(a, b)), share_inside(a, b)
+    a, b = np.array(d.box.to_tuple()), np.array(k.box.to_tuple())
+    overlap, share = float(box_iou(a, b)), share_inside(a, b)
     return overlap > (within if alike else across) or (alike and share > inside)
 
 

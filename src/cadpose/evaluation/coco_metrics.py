@@ -82,7 +82,9 @@ def average_precision(
     truth, found = [], []
     for i, outcome in enumerate(outcomes, 1):
         truth += [
-            _entry(one, i, number) | {"area": one.area, "iscrowd": int(one.crowd)}
+            # pycocotools puts iscrowd in the place of "ignore"; no range of areas holds one below 0, so that
+            # an ignored object takes one detection, which then counts neither way.
+            _entry(one, i, number) | {"area": -1.0 if one.ignored else one.area, "iscrowd": int(one.crowd)}
             for one in outcome.truth
             if what == "bbox" or one.mask is not None
         ]

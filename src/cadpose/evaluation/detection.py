@@ -2,8 +2,9 @@
 
 Detections of a category take, the surest first, the free object of that category which they overlap most,
 from an IoU of 0.5 on. Objects that are not counted (crowds, difficult ones, those smaller than asked for)
-are taken only where no other is left; a detection that takes one counts neither as right nor as false, and
-neither does one of nothing that is smaller than what is asked for.
+are taken only where no other is left, a crowd by any number of detections that lie in it; a detection that
+takes one counts neither as right nor as false, and neither does one of nothing that is smaller than what is
+asked for.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ class Truth:
         box: Around what is seen of it.
         category: Library category.
         area: Pixels².
-        crowd: Not to be counted, whatever its size.
+        crowd: Many objects: not to be counted, whatever their size, and takes all detections that lie in it.
+        ignored: One that is not to be counted, whatever its size; takes one detection.
         mask: What is seen of it, if labelled.
     """
 
@@ -42,6 +44,7 @@ class Truth:
     category: str
     area: float
     crowd: bool = False
+    ignored: bool = False
     mask: RunLengths | None = None
 
 
@@ -116,8 +119,8 @@ class Matching:
 
 
 def counts(truth: Truth, smallest: float) -> bool:
-    """Whether an object is to be found: no crowd, and of that many pixels² at least."""
-    return not truth.crowd and truth.area >= smallest
+    """Whether an object is to be found: no crowd, not ignored, and of that many pixels² at least."""
+    return not (truth.crowd or truth.ignored) and truth.area >= smallest
 
 
 def match(

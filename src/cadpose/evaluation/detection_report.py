@@ -90,7 +90,13 @@ def _entry(outcome: PhotoOutcome, smallest: float) -> dict[str, Any]:
     entry: dict[str, Any] = {
         "photo": plain_text(str(outcome.photo)),
         "objects": [
-            {"category": one.category, "box": list(one.box.to_tuple()), "area": one.area, "crowd": one.crowd}
+            {
+                "category": one.category,
+                "box": list(one.box.to_tuple()),
+                "area": one.area,
+                "crowd": one.crowd,
+                "ignored": one.ignored,
+            }
             for one in outcome.truth
         ],
         "detectors": {},

@@ -173,7 +173,7 @@ def truth_of(one: TrueObject, photo: Photo) -> Truth:
     """
     mask = None if one.mask is None else one.mask(photo)
     runs = None if mask is None or not mask.any() else runs_of(mask)
-    return Truth(one.box, one.category, one.area, one.ignored, runs)
+    return Truth(one.box, one.category, one.area, one.crowd, one.ignored, runs)
 
 
 @contextmanager

@@ -106,7 +106,7 @@ class MaskTables:
 
     def tables(self) -> list[tuple[str, list[list[str] | None]]]:
         """(caption, rows of cells) of each table, the first row its heads; None stands for a line."""
-        good = f">= {GOOD:g} % [95 %]"
+        good = f"IoU >= {GOOD:g}, % [95 %]"
         lines: list[list[str] | None] = [
             ["Masks", "Objects", "Mean IoU", "Median IoU", good, "Boundary F", "ms a mask"],
             None,
@@ -120,7 +120,7 @@ class MaskTables:
             )  # fmt: skip
         heads = ["Category", "Objects"]
         for name in self.total:
-            heads += [f"{name}: IoU", f">= {GOOD:g} %", "F"]
+            heads += [f"{name}: IoU", f"IoU >= {GOOD:g}, %", "F"]
         rows: list[list[str] | None] = [heads, None]
         for category, by in self.by_category.items():
             cells = [category, str(next(iter(by.values())).objects)]

@@ -111,7 +111,8 @@ def _objects(
     scene: Scene, photo: Photo, categories: Collection[str], smallest: float
 ) -> Iterator[tuple[str, Box, Mask]]:
     for one in scene.objects(photo):
-        if one.mask is None or one.ignored or one.category not in categories or one.area < smallest:
+        left_out = one.ignored or one.crowd or one.area < smallest
+        if one.mask is None or left_out or one.category not in categories:
             continue
         truth = one.mask(photo)
         if truth.any():

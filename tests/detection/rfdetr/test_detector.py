@@ -83,7 +83,9 @@ def test_the_photo_is_normalised_as_published(photo: Photo) -> None:
 
 
 def test_detections_are_what_the_network_gives(small: dict[str, Any], photo: Photo) -> None:
-    found = RfDetrDetector("n", min_score=0.0).detect(photo)
+    detector = RfDetrDetector("n", min_score=0.0)
+    assert detector.name == "rfdetr:n"
+    found = detector.detect(photo)
     assert found and all(d.source == "rfdetr" for d in found)
     assert [d.score for d in found] == sorted((d.score for d in found), reverse=True)
     with torch.inference_mode():

@@ -35,8 +35,6 @@ class RfDetrDetector:
         DependencyError: the packages, the device or the weights are not there.
     """
 
-    name = "rfdetr"
-
     def __init__(
         self,
         size: str = "s",
@@ -47,6 +45,7 @@ class RfDetrDetector:
         if size not in SIZES:
             raise InputError(f"RF-DETR has no size {size}: choose one of {', '.join(SIZES)}.")
         self.size = SIZES[size]
+        self.name = f"rfdetr:{size}"
         self.categories = None if categories is None else frozenset(categories)
         self.device = device
         self.min_score = min_score
@@ -73,7 +72,7 @@ class RfDetrDetector:
         outputs = run(network, network_input(photo.rgb, canvas, head.input), self.device)
         try:
             return head_detections(
-                head, outputs, canvas, self._classes, self.categories, self.min_score, self.name
+                head, outputs, canvas, self._classes, self.categories, self.min_score, "rfdetr"
             )
         except OutputError as error:
             raise DependencyError(f"{self._file} is damaged: the network {error}") from None
