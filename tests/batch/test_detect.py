@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
@@ -69,11 +70,45 @@ class Broken(FakeDetector):
 
 
 def test_what_every_photo_needs_ends_the_run(photos: list[Path], tmp_path: Path) -> None:
+    out, coco = tmp_path / "out", tmp_path / "all.json"
     with pytest.raises(DependencyError, match="weights"):
-        list(detect_photos(Broken(DependencyError("no weights")), None, photos, out=tmp_path / "out"))
-    assert (tmp_path / "out" / "index.html").is_file()
+        list(detect_photos(Broken(DependencyError("no weights")), None, photos, out=out, coco=coco))
+    assert files(out) == {} and not coco.exists()
     (first, *_) = detect_photos(Broken(ZeroDivisionError("oh")), None, photos)
     assert first.error == f"{photos[0]}: cannot be looked at (ZeroDivisionError: oh), --verbose tells more"
+
+
+@pytest.mark.parametrize("error", [DependencyError("no weights"), ZeroDivisionError("oh")])
+def test_a_run_that_does_no_photo_leaves_a_corrected_file_alone(
+    photos: list[Path], tmp_path: Path, error: Exception
+) -> None:
+    coco, page = tmp_path / "all.json", tmp_path / "out" / "index.html"
+    page.parent.mkdir()
+    coco.write_text("corrected by hand")
+    page.write_text("of the last run")
+    with contextlib.suppress(DependencyError):
+        list(detect_photos(Broken(error), None, photos, out=page.parent, coco=coco))
+    assert coco.read_text() == "corrected by hand" and page.read_text() == "of the last run"
+
+
+class TiresAfterOne(FakeDetector):
+    def detect(self, photo: Photo) -> list[Detection]:
+        if self.seen:
+            raise DependencyError("no weights")
+        return super().detect(photo)
+
+
+def test_a_page_that_cannot_be_written_hides_no_error_and_skips_no_coco_file(
+    photos: list[Path], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    coco, out = tmp_path / "all.json", tmp_path / "out"
+    (out / "index.html").mkdir(parents=True)
+    with pytest.raises(DependencyError, match="no weights"):
+        list(detect_photos(TiresAfterOne(), None, photos, out=out, coco=coco))
+    assert len(json.loads(coco.read_text())["images"]) == 1 and "index.html" in caplog.text
+    with pytest.raises(CadposeError, match=r"index\.html"):
+        detect_all(photos, out=out, coco=coco)
+    assert len(json.loads(coco.read_text())["images"]) == 3
 
 
 def test_no_output_takes_a_photos_place(photos: list[Path], tmp_path: Path) -> None:

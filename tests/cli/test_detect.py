@@ -93,6 +93,18 @@ def test_detect_tells_all_and_writes_what_annotate_reads(
     assert "unsure: chair / sofa / bed" in result.stdout and "truncated unsure" in result.stdout
 
 
+def test_an_object_called_failed_is_no_failure(
+    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = [Detection(Box(0, 0, 40, 40), "failed")]
+    monkeypatch.setattr(Certain, "detect", lambda *_: found)
+    monkeypatch.setattr("cadpose.backends.make_detector", lambda *_: Certain())
+    assert cadpose("detect", photo).exit_code == 0
+    (tmp_path / "none.png").write_bytes(b"no photo")
+    result = cadpose("detect", tmp_path / "none.png", "--out", tmp_path / "out")
+    assert result.exit_code == 1 and "Pictures" not in result.stdout, "there is no page to look at"
+
+
 def test_detect_refuses_a_category_that_no_detector_knows(tmp_path: Path) -> None:
     result = cadpose("detect", str(tmp_path), "--category", "zebra")
     assert result.exit_code == 2

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -129,16 +130,33 @@ def encoded(runs: list[int]) -> str:
 @pytest.mark.parametrize(
     ("annotation", "told"),
     [
+        ({"bbox": [10, 5, 0, 30]}, "an empty bbox"),
+        ({"bbox": [100, 5, 10, 30]}, "outside its photo"),
+        ({"segmentation": [[200, 200, 210, 200, 210, 210]]}, "covers no pixel"),
+        ({"segmentation": {"size": [40, 60], "counts": [2400]}}, "covers no pixel"),
+    ],
+)
+def test_an_object_without_a_pixel_is_left_out_and_told(
+    tmp_path: Path, annotation: dict[str, Any], told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    document = content(score=0.7)
+    document["annotations"].insert(0, content(**annotation)["annotations"][0])
+    with caplog.at_level(logging.WARNING):
+        found = detector(tmp_path, document).detect(PHOTO)
+    assert [d.score for d in found] == [0.7]
+    assert "boxes.json: annotation 0 has" in caplog.text and told in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("annotation", "told"),
+    [
         ({"category_id": 99}, "category_id 99"),
-        ({"bbox": [10, 5, 0, 30]}, "empty bbox"),
-        ({"bbox": [100, 5, 10, 30]}, "outside"),
         ({"bbox": [1, 2, 3]}, "bbox"),
         ({"bbox": "all"}, "bbox"),
         ({"score": 1.5}, "score"),
         ({"azimuth": 10}, "azimuth and elevation"),
         ({"azimuth": 10, "elevation": 91}, "elevation"),
         ({"segmentation": [[1, 2, 3, 4]]}, "three corners"),
-        ({"segmentation": [[200, 200, 210, 200, 210, 210]]}, "no pixel"),
         ({"segmentation": {"size": [40, 61], "counts": [2440]}}, "size"),
         ({"segmentation": {"size": [40, 60], "counts": [2401]}}, "add up"),
         ({"segmentation": {"size": [40, 60], "counts": [-5, 2405]}}, "negative"),

@@ -134,6 +134,11 @@ def test_which_annotation_counts(tmp_path: Path) -> None:
     assert made.detect(PHOTO)[0].score == 0.4
 
 
+def test_a_score_that_is_no_share_counts_as_none(tmp_path: Path) -> None:
+    regions = [region() | {"score": score} for score in (0.3, 97.5, -1, None)]
+    assert [d.score for d in detector(tmp_path, task(*regions)).detect(PHOTO)] == [1.0, 1.0, 1.0, 0.3]
+
+
 def test_labels_and_shapes_in_two_tags_and_other_results(tmp_path: Path) -> None:
     plain = {key: value for key, value in CAR.items() if key != "rectanglelabels"}
     made = detector(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cadpose.detection import DetectionSource, mask_folder
+from cadpose.detection import DetectionSource, mask_folder, reading
 from cadpose.detection.mask_folder import MaskFolder
 from cadpose.errors import InputError
 from cadpose.photos import read_photo
@@ -68,6 +68,37 @@ def test_a_photo_whose_name_has_dots(tmp_path: Path) -> None:
     made = MaskFolder(masks(tmp_path, "img.v2.chair.png"))
     assert [d.category for d in made.detect(Photo(rgb=PHOTO.rgb, name="img.v2.jpg"))] == ["chair"]
     assert made.detect(Photo(rgb=PHOTO.rgb, name="img.jpg")) == []
+
+
+def test_folders_that_are_no_category_are_the_photos(tmp_path: Path) -> None:
+    made = MaskFolder(masks(tmp_path, "a/img_1.chair.png", "b/img_1.bed.png"))
+
+    def seen(name: str) -> list[str]:
+        return [d.category for d in made.detect(Photo(rgb=PHOTO.rgb, name=name))]
+
+    assert seen("photos/a/img_1.jpg") == ["chair"] and seen("photos\\b\\img_1.jpg") == ["bed"]
+    assert seen("photos/c/img_1.jpg") == [] and not made.knows("photos/c/img_1.jpg")
+    with pytest.raises(InputError, match="several folders, a, b"):
+        seen("img_1.jpg")
+    only = MaskFolder(masks(tmp_path / "one", "a/img_1.bed.png"))
+    assert [d.category for d in only.detect(Photo(rgb=PHOTO.rgb, name="img_1.jpg"))] == ["bed"]
+
+
+def test_words_that_are_no_category_are_the_names(tmp_path: Path) -> None:
+    folder = masks(tmp_path, "img_1.left.png", "gadget/img_1.png")
+    made = MaskFolder(folder, ["bed"])
+    assert not made.knows("x/img_1.jpg") and made.knows("img_1.left.jpg")
+    (found,) = made.detect(Photo(rgb=PHOTO.rgb, name="x/img_1.left.jpg"))
+    assert found.category == "bed"
+    # A class that the library lacks counts where it is asked for.
+    assert [d.category for d in MaskFolder(folder, ["gadget"]).detect(PHOTO)] == ["gadget"]
+
+
+def test_too_many_masks_in_all_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reading, "MAX_MASK_BYTES", 3 * 60 * 40)
+    made = MaskFolder(masks(tmp_path, "img_1.bed.1.png", "img_1.bed.2.png", values=(1, 2)))
+    with pytest.raises(InputError, match=r"bed\.2\.png has 2 masks of .* besides 2 from .* no more than 3"):
+        made.detect(PHOTO)
 
 
 def test_people_are_left_out_unless_asked_for(tmp_path: Path) -> None:

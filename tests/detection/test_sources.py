@@ -12,6 +12,7 @@ from cadpose.detection.label_studio import LabelStudioDetector
 from cadpose.detection.mask_folder import MaskFolder
 from cadpose.detection.sources import open_detections
 from cadpose.errors import InputError
+from cadpose.records import Photo
 
 COCO = {"images": [{"id": 1, "file_name": "a.jpg"}], "categories": [], "annotations": []}
 STUDIO = [{"data": {"image": "/data/upload/1/0a1b2c3d-a.jpg"}, "annotations": []}]
@@ -32,6 +33,22 @@ def test_categories_reach_the_reader(tmp_path: Path) -> None:
     path.write_text(json.dumps(COCO))
     source = open_detections(path, ["car"])
     assert isinstance(source, FileDetector) and source.categories == frozenset(["car"])
+
+
+def test_other_words_for_a_category_are_wanted_too(tmp_path: Path) -> None:
+    path = tmp_path / "one.json"
+    annotation = {"image_id": 1, "category_id": 4, "bbox": [0, 0, 4, 4]}
+    categories = [{"id": 4, "name": "motorcycle"}]
+    path.write_text(json.dumps(COCO | {"categories": categories, "annotations": [annotation]}))
+    value = {"x": 0, "y": 0, "width": 50, "height": 50, "rectanglelabels": ["Motorcycle"]}
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps([STUDIO[0] | {"annotations": [{"result": [{"value": value}]}]}]))
+    (tmp_path / "masks").mkdir()
+    Image.fromarray(np.ones((4, 4), np.uint8)).save(tmp_path / "masks" / "a.motorcycle.png")
+    photo = Photo(rgb=np.zeros((4, 4, 3), np.uint8), name="a.jpg")
+    for source in (path, other, tmp_path / "masks"):
+        found = open_detections(source, ["Motorcycle"]).detect(photo)
+        assert [d.category for d in found] == ["motorbike"], source
 
 
 @pytest.mark.parametrize(

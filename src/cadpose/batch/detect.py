@@ -57,7 +57,8 @@ def detect_photos(
         coco: File of the detections of all photos that did not fail.
 
     Yields:
-        One a photo, in order. Index page and COCO file are written at the end, also of a run that is stopped.
+        One a photo, in order. COCO file and index page are written at the end, also of a run that is stopped,
+        but not where no photo was done: what an earlier run left stays.
 
     Raises:
         DependencyError: weights or packages are missing that every photo needs.
@@ -73,6 +74,7 @@ def detect_photos(
             raise InputError(f"{out}: cannot be made ({error.strerror}), choose another --out") from error
     entries: list[FoundEntry] = []
     writer = CocoWriter()
+    done = False
     try:
         for path, picture in zip(photos, pictures, strict=True):
             try:
@@ -90,15 +92,39 @@ def detect_photos(
                 log.debug("%s", path, exc_info=True)
                 reason = f"cannot be looked at ({type(error).__name__}: {error}), --verbose tells more"
             else:
+                done = True
                 writer.add(str(path), photo.width, photo.height, found)
                 yield PhotoDetections(path, tuple(found), None if out is None else picture)
                 continue
             yield PhotoDetections(path, error=reason if str(path) in reason else f"{path}: {reason}")
-    finally:
-        if out is not None:
-            write_atomic(out / "index.html", found_html(entries).encode())
-        if coco is not None:
+    except BaseException:  # stopped, too
+        if done:
+            for failure in _written(writer, coco, entries, out):
+                log.warning("%s", failure)  # what ended the run is what is raised
+        raise
+    failures = _written(writer, coco, entries, out) if done else []
+    for failure in failures[1:]:
+        log.warning("%s", failure)
+    if failures:
+        raise failures[0]
+
+
+def _written(
+    writer: CocoWriter, coco: Path | None, entries: list[FoundEntry], out: Path | None
+) -> list[CadposeError]:
+    """Write COCO file and index page, each whatever becomes of the other; what could not be written."""
+    failures = []
+    if coco is not None:
+        try:
             write_atomic(coco, writer.to_json(), "--coco")
+        except CadposeError as error:
+            failures.append(error)
+    if out is not None:
+        try:
+            write_atomic(out / "index.html", found_html(entries).encode())
+        except CadposeError as error:
+            failures.append(error)
+    return failures
 
 
 def found_in(photo: Photo, detector: Detector, masks: MaskEstimator | None) -> list[Detection]:

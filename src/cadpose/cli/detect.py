@@ -46,8 +46,11 @@ def detect(
     finder = make_detector(detector, category, device)
     rows: list[list[str]] = []
     told: list[dict[str, Any]] = []
+    failed = drawn = False
     with progress_bar("detect", len(paths)) as bar:
         for found in detect_photos(finder, estimator, paths, out=out, coco=coco):
+            failed |= bool(found.error)
+            drawn |= found.picture is not None
             if found.error:
                 complain(found.error)
             if json:
@@ -58,9 +61,9 @@ def detect(
         print_json(told)
     else:
         print_table(f"{len(paths)} photos", ["photo", "category", "score", "box", "flags"], rows)
-        if out is not None:
+        if out is not None and drawn:
             typer.echo(f"Pictures: {out / 'index.html'}")
-    if any(row[1] == "failed" for row in rows):
+    if failed:
         raise typer.Exit(1)
 
 

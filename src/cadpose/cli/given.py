@@ -9,8 +9,6 @@ import typer
 
 if TYPE_CHECKING:
     from cadpose.detection import DetectionSource
-    from cadpose.geometry.boxes import Box
-    from cadpose.records import Detection, Photo, Rotation
 
 Boxes = Annotated[
     list[str] | None, typer.Option("--box", help="x0,y0,x1,y1 in pixels, instead of the detector.")
@@ -29,47 +27,6 @@ DetectionsFile = Annotated[
 ]
 
 
-class DrawnObjects:
-    """Boxes, polygons and masks that hold for whatever photo is asked about."""
-
-    name = "user"
-
-    def __init__(
-        self,
-        boxes: list[Box],
-        polygons: list[list[float]],
-        masks: list[Path],
-        categories: list[str],
-        rotations: list[Rotation],
-    ) -> None:
-        self.boxes, self.polygons, self.masks = boxes, polygons, masks
-        self.categories, self.rotations = categories, rotations
-
-    def detect(self, photo: Photo) -> list[Detection]:
-        """The objects in that photo.
-
-        Raises:
-            InputError: one does not fit the photo, or the numbers of options do not fit.
-        """
-        from cadpose.detection.given import given_detections
-        from cadpose.detection.mask_png import read_masks
-        from cadpose.errors import InputError
-
-        masks = []
-        for path in self.masks:
-            found = read_masks(path, photo)
-            if not found:
-                raise InputError(f"{path} shows no object: all of its pixels are 0.")
-            masks += found
-        return given_detections(
-            photo, self.boxes, self.categories, self.rotations, polygons=self.polygons, masks=masks
-        )
-
-    def knows(self, photo_name: str) -> bool:
-        """Always."""
-        return True
-
-
 def objects_told(
     boxes: list[str] | None,
     polygons: list[str] | None,
@@ -84,6 +41,7 @@ def objects_told(
         BadParameter: they exclude each other, do not fit in number, or are no numbers.
         InputError: the file cannot be used.
     """
+    from cadpose.detection.drawn import DrawnObjects
     from cadpose.detection.given import parse_box, parse_polygon, parse_rotation
     from cadpose.detection.sources import open_detections
     from cadpose.errors import InputError

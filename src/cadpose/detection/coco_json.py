@@ -3,12 +3,14 @@
 The file holds ``images``, ``categories`` and ``annotations`` as COCO defines them; ``bbox`` is
 [x, y, width, height]; ``segmentation`` may be polygons, or runs as numbers or text. Beside COCO's own keys
 an annotation may tell ``score``, and ``azimuth``, ``elevation`` and ``inplane`` in degrees. Images are
-found by file name. Crowds (``iscrowd`` 1) are left out, and people, animals and food unless asked for.
+found by file name. Crowds (``iscrowd`` 1) are left out, objects that cover no pixel, and people,
+animals and food unless asked for.
 :mod:`cadpose.detection.coco_writing` writes what this reads, with ``unsure`` and ``alternatives`` as well.
 """
 
 from __future__ import annotations
 
+import logging
 from codecs import BOM_UTF8
 from collections.abc import Collection
 from pathlib import Path
@@ -30,6 +32,8 @@ from cadpose.detection.reading import check_room, is_wanted, library_category, r
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.records import Detection, Mask, Photo, Rotation
+
+log = logging.getLogger(__name__)
 
 #: Largest detections file that is read.
 MAX_BYTES = 128 * 2**20
@@ -93,10 +97,10 @@ class FileDetector:
         image = self._images.find(photo.name)
         if image is None:
             return []
-        told = (image.width or photo.width, image.height or photo.height)
-        if told != (photo.width, photo.height):
+        size = (image.width or photo.width, image.height or photo.height)
+        if size != (photo.width, photo.height):
             raise InputError(
-                f"{self.path} says that {image.file_name} has {told[0]} x {told[1]} pixels but it has "
+                f"{self.path} says that {image.file_name} has {size[0]} x {size[1]} pixels but it has "
                 f"{photo.width} x {photo.height} upright: make the boxes on the photo as it is seen."
             )
         wanted = [
@@ -105,20 +109,23 @@ class FileDetector:
             if not annotation.iscrowd and is_wanted(self._names[annotation.category_id], self.categories)
         ]
         check_room(self.path, sum(annotation.segmentation is not None for _, annotation in wanted), photo)
-        found = [self._detection(i, annotation, photo) for i, annotation in wanted]
-        return sorted(found, key=lambda d: -d.score)
+        told = [self._detection(i, annotation, photo) for i, annotation in wanted]
+        return sorted((d for d in told if d is not None), key=lambda d: -d.score)
 
     def knows(self, photo_name: str) -> bool:
         """Whether the file has an image of that file name."""
         return self._images.has(photo_name)
 
-    def _detection(self, i: int, annotation: _Annotation, photo: Photo) -> Detection:
+    def _detection(self, i: int, annotation: _Annotation, photo: Photo) -> Detection | None:
+        """None where it covers no pixel; COCO's own files have such."""
         try:
             box = Box.from_xywh(*annotation.bbox).clipped(photo.width, photo.height)
         except ValueError:
-            raise self._error(i, f"has an empty bbox {list(annotation.bbox)}") from None
+            self._leave_out(i, f"an empty bbox {list(annotation.bbox)}")
+            return None
         if box is None:
-            raise self._error(i, f"has a bbox {list(annotation.bbox)} outside its photo")
+            self._leave_out(i, f"a bbox {list(annotation.bbox)} outside its photo")
+            return None
         rotation = None
         if annotation.azimuth is not None or annotation.elevation is not None:
             if annotation.azimuth is None or annotation.elevation is None:
@@ -128,6 +135,9 @@ class FileDetector:
             mask = _mask(annotation.segmentation, photo)
         except ValueError as error:
             raise self._error(i, f"has an unusable segmentation ({error})") from None
+        if mask is not None and not mask.any():
+            self._leave_out(i, "a segmentation that covers no pixel")
+            return None
         return Detection(
             box=box,
             category=self._names[annotation.category_id],
@@ -138,6 +148,9 @@ class FileDetector:
             alternatives=tuple((other.category, other.score) for other in annotation.alternatives),
             unsure=annotation.unsure,
         )
+
+    def _leave_out(self, i: int, what: str) -> None:
+        log.warning("%s: annotation %d has %s and is left out", self.path, i, what)
 
     def _error(self, i: int, what: str) -> InputError:
         return InputError(f"{self.path}: annotation {i} {what}.")
@@ -160,7 +173,4 @@ def _mask(segmentation: list[list[float]] | CocoRuns | None, photo: Photo) -> Ma
     """(H, W) mask of the photo's size, None where nothing is told."""
     if not segmentation:
         return None
-    mask = segmentation_mask(segmentation, photo)
-    if not mask.any():
-        raise ValueError("it covers no pixel")
-    return mask
+    return segmentation_mask(segmentation, photo)

@@ -9,7 +9,7 @@ import numpy as np
 
 from cadpose.detection.imagenet import classify
 from cadpose.detection.polygons import MAX_CORNERS, mask_from_polygons
-from cadpose.detection.reading import library_category
+from cadpose.detection.reading import check_room, library_category
 from cadpose.encoder import lite0
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
@@ -41,8 +41,10 @@ def given_detections(
         masks: (H, W) bool of the photo's size.
 
     Raises:
-        InputError: the numbers do not fit, a box or polygon lies outside the photo, or a category is empty.
+        InputError: the numbers do not fit, a box or polygon lies outside the photo, a category is empty,
+            or there are too many polygons and masks.
     """
+    check_room("the command line", len(polygons) + len(masks), photo)
     places: list[tuple[Box, Mask | None]] = [(_inside(box, photo), None) for box in boxes]
     for polygon in polygons:
         mask = mask_from_polygons(photo.height, photo.width, [polygon])

@@ -39,7 +39,6 @@ _HASH = re.compile(r"^[0-9a-f]{8}-(?=.)")
 _Number = Annotated[float, Field(allow_inf_nan=False)]
 _Percent = Annotated[float, Field(ge=-1000.0, le=1000.0, allow_inf_nan=False)]
 _Side = Annotated[int, Field(ge=1, le=1_000_000)]
-_Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class _Model(BaseModel):
@@ -52,7 +51,7 @@ class _Region(_Model):
     original_width: _Side | None = None
     original_height: _Side | None = None
     image_rotation: _Number | None = None
-    score: _Share | None = None
+    score: float | None = None
 
 
 class _Work(_Model):

@@ -1,8 +1,10 @@
 """Detections from a folder of PNG masks named after the photos.
 
-``car.png`` or ``car.jpg.png`` belongs to ``car.jpg``. The category is that of the name,
-``car.CATEGORY.png``, else that of a folder, ``CATEGORY/car.png``, else the one asked for; where nothing tells
-it, EfficientNet-Lite0 names the object. A number may tell files apart: ``car.CATEGORY.2.png``.
+``street.png`` or ``street.jpg.png`` belongs to ``street.jpg``. The category is that of the name,
+``street.CATEGORY.png``, else that of a folder, ``CATEGORY/street.png``, else the one asked for; where nothing
+tells it, EfficientNet-Lite0 names the object. A number may tell files apart: ``street.CATEGORY.2.png``.
+A word is a category where the class map knows it or it is asked for; other words are part of the photo's
+name, and other folders are its folder: ``trip/street.png`` belongs to ``trip/street.jpg`` alone.
 """
 
 from __future__ import annotations
@@ -13,13 +15,14 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
+from cadpose.detection.coco import is_living
 from cadpose.detection.given import named_detection
 from cadpose.detection.mask_png import read_masks
 from cadpose.detection.photo_names import path_parts
-from cadpose.detection.reading import is_wanted
+from cadpose.detection.reading import is_wanted, library_category
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
-from cadpose.photos import SUFFIXES
+from cadpose.library.class_map import category_from_name
 from cadpose.records import Detection, Photo
 
 #: Most files that a folder of masks may hold, its sub-folders included.
@@ -30,8 +33,17 @@ _REST = re.compile(r"(?:\.(?P<word>[^.]*[^.\d][^.]*))?(?:\.\d+)?")
 
 @dataclass(frozen=True, slots=True)
 class _File:
+    """A mask file as one photo's.
+
+    Attributes:
+        path: Where it lies.
+        word: The category that it tells, empty without.
+        place: The folder that its photo lies in, empty where any will do.
+    """
+
     path: Path
     word: str
+    place: str
 
 
 class MaskFolder:
@@ -57,30 +69,38 @@ class MaskFolder:
             raise InputError(f"the folder {self.path} holds no PNG: name the folder of the masks.")
         for path in sorted(masks):
             level = path.parent.name if path.parent != self.path else ""
-            # Every way to read the name: car.v2 is a photo, or a mask of car whose category is v2.
+            told, place = (level, "") if self._is_category(level) else ("", level)
+            # Every way to read the name: street.car is a photo, or a mask of street whose category is car.
             pieces = path.stem.split(".")
             for end in range(len(pieces), max(len(pieces) - 3, 0), -1):
                 rest = "".join(f".{piece}" for piece in pieces[end:])
                 match = _REST.fullmatch(rest)
-                # car.jpg.png belongs to car.jpg and shows no jpg.
-                if match and f".{match['word']}".lower() not in SUFFIXES:
-                    file = _File(path, match["word"] or level)
+                if match and (match["word"] is None or self._is_category(match["word"])):
+                    file = _File(path, match["word"] or told, place)
                     self._files.setdefault(".".join(pieces[:end]), []).append(file)
 
     def detect(self, photo: Photo) -> list[Detection]:
         """The objects of the photo's masks, by file name and value; empty where there is no mask.
 
         Raises:
-            InputError: a mask cannot be used or does not fit the photo, or its category is not told.
+            InputError: a mask cannot be used or does not fit the photo, there are too many, its category is
+                not told, or the photo's folder is not told and masks of several would fit.
         """
         found: list[Detection] = []
-        for file in self._of(photo.name):
+        files = self._of(photo.name)
+        places = sorted({file.place for file in files if file.place})
+        if len(places) > 1:
+            raise InputError(
+                f"{self.path} has masks of {photo.name} in several folders, {', '.join(places)}: "
+                f"name the photo with its folder."
+            )
+        for file in files:
             if file.word and not is_wanted(file.word, self.categories):
                 continue
             word = file.word or self._only(file.path)
             found += [
                 named_detection(photo, Box.from_mask(mask), word, mask=mask, source="file")
-                for mask in read_masks(file.path, photo)
+                for mask in read_masks(file.path, photo, before=len(found))
             ]
         return found
 
@@ -89,8 +109,15 @@ class MaskFolder:
         return bool(self._of(photo_name))
 
     def _of(self, photo_name: str) -> list[_File]:
-        name = path_parts(photo_name)[-1]
-        return [file for key in dict.fromkeys((Path(name).stem, name)) for file in self._files.get(key, ())]
+        *folders, name = path_parts(photo_name)
+        named = [file for key in dict.fromkeys((Path(name).stem, name)) for file in self._files.get(key, ())]
+        # A photo that is named without a folder may lie in any.
+        return [file for file in named if not file.place or not folders or file.place == folders[-1]]
+
+    def _is_category(self, word: str) -> bool:
+        """Whether a word of a path tells what a mask shows."""
+        known = bool(category_from_name(word)) or is_living(word.strip().lower())
+        return known or (bool(word) and library_category(word) in (self.categories or ()))
 
     def _only(self, path: Path) -> str | None:
         """The category that was asked for, None without."""

@@ -24,7 +24,7 @@ VOID = 255
 _SOFT = 16
 
 
-def read_masks(path: Path, photo: Photo) -> list[Mask]:
+def read_masks(path: Path, photo: Photo, before: int = 0) -> list[Mask]:
     """The objects of a mask file.
 
     0 is the background. Where there is one other value, all of its pixels are one object; where there are
@@ -33,13 +33,14 @@ def read_masks(path: Path, photo: Photo) -> list[Mask]:
     Args:
         path: PNG of the photo's size: grey of 1, 8 or 16 bits, palette, or colour with equal channels.
         photo: The photo it belongs to.
+        before: How many masks of the photo are held already.
 
     Returns:
         One (H, W) bool mask an object, by rising value; none where all is background.
 
     Raises:
         InputError: it cannot be read, is no PNG of the photo's size, is in colour, is transparent, or has
-            too many values.
+            too many values, or the photo gets too many masks.
     """
     values, palette = _values(path, photo)
     present = np.zeros(1 << 16, np.bool_)
@@ -53,7 +54,7 @@ def read_masks(path: Path, photo: Photo) -> list[Mask]:
             f"{path} has {len(found)} values beside 0, too many for objects: save a mask without soft edges, "
             f"0 and 255, or number its objects 1, 2, 3 ..."
         )
-    check_room(path, len(found), photo)
+    check_room(path, len(found), photo, before)
     return [np.asarray(values == v) for v in found]
 
 

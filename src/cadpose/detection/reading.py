@@ -50,17 +50,29 @@ def read_start(path: Path, count: int, kind: str) -> bytes:
         raise InputError(f"{path} cannot be read ({reason}): name {kind}.") from None
 
 
-def check_room(path: Path, count: int, photo: Photo) -> None:
+def most_masks(width: int, height: int) -> int:
+    """How many masks of a photo of that size are held: those that ``MAX_MASK_BYTES`` holds, or one."""
+    return max(MAX_MASK_BYTES // (width * height), 1)
+
+
+def check_room(origin: Path | str, count: int, photo: Photo, before: int = 0) -> None:
     """Refuse more masks of a photo than memory should hold.
 
+    Args:
+        origin: What brings them, for the message.
+        count: How many it brings.
+        photo: Their photo.
+        before: How many of the photo there are already.
+
     Raises:
-        InputError: ``count`` masks of the photo's size exceed ``MAX_MASK_BYTES``.
+        InputError: so many masks of the photo's size exceed ``MAX_MASK_BYTES``.
     """
-    most = max(MAX_MASK_BYTES // (photo.width * photo.height), 1)
-    if count > most:
+    most = most_masks(photo.width, photo.height)
+    if before + count > most:
+        besides = f" besides {before} from elsewhere" if before else ""
         raise InputError(
-            f"{path} has {count} masks of {photo.name}, and at its size no more than {most} are taken: "
-            f"leave some out, or make the photo smaller."
+            f"{origin} has {count} masks of {photo.name}{besides}, and at its size no more than {most} are "
+            f"taken: leave some out, or make the photo smaller."
         )
 
 

@@ -10,7 +10,7 @@ from cadpose.detection import DetectionSource
 from cadpose.detection.coco_json import FileDetector
 from cadpose.detection.label_studio import LabelStudioDetector
 from cadpose.detection.mask_folder import MaskFolder
-from cadpose.detection.reading import read_start
+from cadpose.detection.reading import library_category, read_start
 from cadpose.errors import InputError
 
 _KINDS = "COCO JSON, a JSON export of Label Studio, or a folder of PNG masks"
@@ -21,15 +21,17 @@ def open_detections(path: Path | str, categories: Collection[str] | None = None)
 
     Args:
         path: The file or folder.
-        categories: Library categories to keep; None keeps all but people, animals and food. Masks that tell
-            no category get the one that is named.
+        categories: What to keep, by library category or another word for it; None keeps all but people,
+            animals and food. Masks that tell no category get the one that is named.
 
     Raises:
         InputError: it is none of these, or cannot be used; one sentence names it and the mend.
     """
     path = Path(path)
+    # The words of the files are mapped alike.
+    wanted = None if categories is None else [library_category(word) for word in categories]
     if path.is_dir():
-        return MaskFolder(path, categories)
+        return MaskFolder(path, wanted)
     start = read_start(path, 4096, _KINDS).removeprefix(BOM_UTF8)
     if start.startswith(b"\x89PNG"):
         raise InputError(
@@ -37,7 +39,7 @@ def open_detections(path: Path | str, categories: Collection[str] | None = None)
         )
     text = start.lstrip()
     if text.startswith(b"{"):
-        return FileDetector(path, categories)
+        return FileDetector(path, wanted)
     if text.startswith(b"["):
-        return LabelStudioDetector(path, categories)
+        return LabelStudioDetector(path, wanted)
     raise InputError(f"{path} is not a detections file: name {_KINDS}.")

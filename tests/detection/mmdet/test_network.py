@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cadpose.detection import reading
 from cadpose.detection.coco import COCO_NAMES
 from cadpose.errors import InputError
 from cadpose.records import Photo
@@ -91,6 +92,15 @@ def test_boxes_and_masks_are_well_formed(detector: Any) -> None:
             # Pasted into the box, to a pixel.
             assert y0 - 1 <= rows[0] and rows[-1] <= y1 and x0 - 1 <= columns[0] and columns[-1] <= x1
     assert any(d.mask is not None for d in found)
+
+
+def test_no_more_masks_than_memory_should_hold(detector: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    photo = Photo(photograph(150, 200))
+    scores = detector.instances(photo).scores
+    monkeypatch.setattr(reading, "MAX_MASK_BYTES", 7 * 150 * 200)
+    few = detector.instances(photo)
+    assert len(scores) > 7 and len(few.masks) == 7
+    np.testing.assert_allclose(few.scores, np.sort(scores)[:-8:-1])
 
 
 def test_what_is_found_is_mmdets_own_answer(detector: Any) -> None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from cadpose.detection.coco import COCO_NAMES
 from cadpose.detection.mmdet import packages
+from cadpose.detection.reading import most_masks
 from cadpose.errors import DependencyError, InputError
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import Mask
@@ -102,6 +103,8 @@ class Htc:
     ) -> Instances:
         """The objects of a photo, at most 100 as the config says.
 
+        Fewer, the best, where the masks of all would not fit in ``MAX_MASK_BYTES`` of the reading module.
+
         Args:
             rgb: (H, W, 3) uint8.
             floor: Lowest score; the config's own threshold of 0.001 holds besides.
@@ -147,8 +150,9 @@ class Htc:
         if classes is not None:
             wanted = torch.from_numpy(np.isin(COCO_IDS, classes)).to(keep.device)
             keep &= wanted[found.labels]
+        kept = found[keep][: most_masks(rgb.shape[1], rgb.shape[0])]  # the best are first
         (found,) = heads.predict_mask(
-            x=maps, semantic_heat=semantic, batch_img_metas=meta, results_list=[found[keep]], rescale=True
+            x=maps, semantic_heat=semantic, batch_img_metas=meta, results_list=[kept], rescale=True
         )
         return found
 
