@@ -36,7 +36,7 @@ class Sees:
 def masks(answer: Any) -> tuple[NetworkMasks, Sees]:
     made = NetworkMasks()
     seen = Sees(answer)
-    made._session = seen  # type: ignore[assignment]
+    made._session = seen
     return made, seen
 
 
