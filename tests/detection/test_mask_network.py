@@ -85,6 +85,22 @@ def test_a_little_beyond_the_box_and_no_further() -> None:
     assert (rows.min(), rows.max() + 1) == (int(30 - reach), int(np.ceil(60 + reach)))
 
 
+def test_specks_pinholes_and_what_lies_beside_the_box_are_noise() -> None:
+    def answer(x: np.ndarray, y: np.ndarray, told: np.ndarray) -> np.ndarray:
+        seen = (x > told[0] + 20) & (x < told[2] - 20) & (y > told[1] + 5) & (y < told[3] - 5)
+        hole = (abs(x - 96) < 1.1) & (abs(y - 96) < 1.1)
+        speck = (abs(x - told[0] - 8) < 2.1) & (abs(y - 96) < 2.1)
+        beside = (x > told[2] + 2) & (y > told[1]) & (y < told[3])
+        return np.where((seen & ~hole) | speck | beside, 9.0, -9.0)
+
+    rgb = np.zeros((192, 192, 3), np.uint8)
+    made, _ = masks(answer)
+    found = made.mask(Photo(rgb), Box(25, 25, 167, 167))
+    rows, columns = np.nonzero(found)
+    assert (columns.min(), columns.max()) == pytest.approx((45, 146), abs=2)
+    assert found[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1].all()
+
+
 def test_nothing_seen_gives_the_box() -> None:
     found = masks(lambda x, y, _: np.full_like(x, -5.0))[0].mask(PHOTO, Box(40, 30, 100, 60))
     assert found.sum() == 60 * 30

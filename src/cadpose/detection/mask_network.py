@@ -14,11 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.detection.mask_crop import SIDE, MaskCrop
+from cadpose.detection.masks import tidied
 from cadpose.geometry.boxes import Box
+from cadpose.geometry.frames import FloatArray
 from cadpose.onnx_session import open_session
 from cadpose.records import Mask, Photo
 from cadpose.weights import ensure
 
+#: Parts below this share of the largest and holes below that of the mask are noise.
+SPECK, PINHOLE = 0.02, 0.004
 #: The mask may reach this share of the box's longer side beyond the box, which is seldom exact.
 BEYOND = 0.08
 
@@ -54,7 +58,7 @@ class NetworkMasks:
         chances = self.chances(crop)
         reach = BEYOND * max(inner.width, inner.height)
         bounds = Box(inner.x0 - reach, inner.y0 - reach, inner.x1 + reach, inner.y1 + reach)
-        found = _placed(chances, crop.square, bounds, photo.width, photo.height)
+        found = _placed(tidy(chances, crop.box), crop.square, bounds, photo.width, photo.height)
         if not found.any():
             found[_pixels(inner, photo.width, photo.height)] = True
         return found
@@ -65,6 +69,18 @@ class NetworkMasks:
             ["logits", "quality"], {"images": crop.rgb[None], "boxes": crop.box[None].astype(np.float32)}
         )
         return np.asarray(logits[0], np.float32)
+
+
+def tidy(logits: NDArray[np.float32], box: FloatArray) -> NDArray[np.float32]:
+    """(SIDE, SIDE) logits without specks, parts wholly beside the box, and pinholes, each turned about."""
+    seen = logits > 0.0
+    y, x = np.mgrid[:SIDE, :SIDE] + 0.5
+    inside = (x > box[0]) & (x < box[2]) & (y > box[1]) & (y < box[3])
+    count, parts = cv2.connectedComponents(seen.astype(np.uint8), connectivity=8)
+    within = np.zeros(count, np.bool_)
+    within[np.unique(parts[seen & inside])] = True
+    kept = tidied(seen & within[parts], SPECK, PINHOLE)
+    return np.where(kept == seen, logits, -logits).astype(np.float32)
 
 
 def _placed(logits: NDArray[np.float32], square: Box, bounds: Box, width: int, height: int) -> Mask:

@@ -25,6 +25,8 @@ SIDE = 224
 CONTEXT = 1.4
 #: A mask below this share of the box is not believed; one above the other is the whole box.
 FEWEST, MOST = 0.1, 0.98
+#: Of GrabCut's masks: parts below this share of the largest and holes below that of the mask are noise.
+SPECK, PINHOLE = 0.1, 0.01
 #: A mask whose own box overlaps the given one less than this is not the object of that box.
 LEAST_BOX_IOU = 0.5
 
@@ -110,7 +112,7 @@ class GrabCutMasks:
         except cv2.error:  # one colour only
             return None
         found = np.isin(labels, (cv2.GC_FGD, cv2.GC_PR_FGD)) & inside
-        found = _tidied(found)
+        found = tidied(found, SPECK, PINHOLE)
         share = found.sum() / max(inside.sum(), 1)
         if share < FEWEST:
             return None
@@ -120,19 +122,19 @@ class GrabCutMasks:
         return np.asarray(found, np.float32) if fit >= LEAST_BOX_IOU else None
 
 
-def _tidied(mask: Mask) -> Mask:
-    """Without specks (parts below a tenth of the largest) and without pinholes."""
+def tidied(mask: Mask, speck: float, pinhole: float) -> Mask:
+    """Without specks, parts below that share of the largest, and without pinholes below that of the mask."""
     parts, count = _parts(mask)
     if count > 1:
         sizes = np.bincount(parts.ravel())
         sizes[0] = 0
-        mask = (sizes >= 0.1 * sizes.max())[parts]
+        mask = (sizes >= speck * sizes.max())[parts]
     holes, count = _parts(~mask)
     if count > 1:
         sizes = np.bincount(holes.ravel())
         sizes[holes[mask]] = 0
         edge = np.concatenate([holes[0], holes[-1], holes[:, 0], holes[:, -1]])
-        fill = sizes < 0.01 * max(mask.sum(), 1)
+        fill = sizes < pinhole * max(mask.sum(), 1)
         fill[edge] = False
         mask = mask | (fill[holes] & ~mask)
     return np.asarray(mask, np.bool_)
