@@ -174,6 +174,12 @@ class TestUnboxed:
         (found,) = made.detect(PHOTO)
         assert found.box == Box(200, 100, 500, 300)
 
+    def test_a_long_photo_takes_no_more_looks(self) -> None:
+        lite = FakeLite0(cabinet=0.8)
+        photo = Photo(np.full((60, 6000, 3), 200, np.uint8))
+        assert len(detector(lite=lite).detect(photo)) == 1
+        assert lite.looked_at < 300
+
     def test_a_faint_word_of_the_ssd_gives_way(self) -> None:
         full = (0.0, 0.0, 600.0, 400.0)
         found = detector(("book", 0.4, full), lite=FakeLite0(bookcase=0.35)).detect(PHOTO)

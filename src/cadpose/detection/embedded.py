@@ -264,11 +264,13 @@ def _fused(
 
 
 def _windows(box: Box) -> list[Box]:
-    """Squares of three sizes that slide over the box by a third of themselves."""
+    """Squares of three sizes that slide over the box by a third of themselves, faster over a long one."""
     found = []
     for share in (0.35, 0.5, 0.7):
         side = share * min(box.width, box.height)
-        across, down = (max(int(np.ceil((n - side) / side * 3.0)) + 1, 2) for n in (box.width, box.height))
+        across, down = (
+            min(max(int(np.ceil((n - side) / side * 3.0)) + 1, 2), MOST) for n in (box.width, box.height)
+        )
         for x in np.linspace(box.x0, box.x1 - side, across):
             found += [Box(x, y, x + side, y + side) for y in np.linspace(box.y0, box.y1 - side, down)]
     return found
