@@ -64,7 +64,7 @@ def everything(folder: Path) -> Label:
 
 def test_the_detections_file(tmp_path: Path) -> None:
     path = tmp_path / "coco.json"
-    path.write_text(example("detection.md", r"^```json\n(.*?)^```$"))
+    path.write_text(example("detection.md", r'^```json\n(\{\n  "images".*?)^```$'))
     photo = Photo(np.zeros((500, 741, 3), np.uint8), name="photos/motorcycle.png")
     (found,) = FileDetector(path).detect(photo)
     assert found.category == "motorbike"
