@@ -138,7 +138,7 @@ class EmbeddedDetector:
             kept = [d for d in kept if d.score >= FORGOTTEN or _iou(d.box, added.box) <= SAME_PLACE]
             kept.append(added)
         if not kept and self.propose:
-            kept = self._standing_out(photo, raw, places)
+            kept = self._standing_out(photo, raw, places, seen[-1])
         # What is decided above does not depend on how faint the detections are that are asked for.
         for d in suppress([d for d in found if self.min_score <= d.score < DECIDED]):
             if all(_iou(d.box, k.box) <= SAME_PLACE for k in kept):
@@ -205,7 +205,9 @@ class EmbeddedDetector:
         corners = np.array(own.to_tuple()) / np.tile(scale, 2)
         return Box(*corners.tolist())
 
-    def _standing_out(self, photo: Photo, raw: RawBoxes, places: list[_Place]) -> list[Detection]:
+    def _standing_out(
+        self, photo: Photo, raw: RawBoxes, places: list[_Place], whole: dict[str, float]
+    ) -> list[Detection]:
         """What the SSD saw faintly, or the whole photo, as whatever of the library it looks most like."""
         area = float(photo.width * photo.height)
         living = [p.box for p in places if p.living > max(p.votes.values(), default=FLOOR)]
@@ -215,10 +217,12 @@ class EmbeddedDetector:
         wanted = (size.prod(axis=1) >= STANDS_OUT * area) & ~np.isin(raw.classes, sorted(LIVING))
         worth = raw.scores * size.prod(axis=1) ** 0.25
         best = np.argsort(-np.where(wanted, worth, -1.0), kind="stable")[: int(wanted.any())]
-        boxes = [Box(*raw.boxes[i].tolist()) for i in best] + [Box(0.0, 0.0, photo.width, photo.height)]
-        seen = self._seen(photo, boxes)
+        box, seen = Box(0.0, 0.0, photo.width, photo.height), whole
+        if len(best):
+            box = Box(*raw.boxes[best[0]].tolist())
+            (seen,) = self._seen(photo, [box])
         # Lite0 names the box better than the photo: the photo's word breaks ties.
-        said = {c: seen[0].get(c, 0.0) + 0.5 * seen[-1].get(c, 0.0) for c in {*seen[0], *seen[-1]}}
+        said = {c: seen.get(c, 0.0) + 0.5 * whole.get(c, 0.0) for c in {*seen, *whole}}
         for i in best:
             if category := category_from_coco(COCO_NAMES.get(int(raw.classes[i]), "")):
                 said[category] = said.get(category, 0.0) + float(raw.scores[i])
@@ -228,9 +232,9 @@ class EmbeddedDetector:
         )[:3]
         if not ranked or ranked[0][1] < FAINT:
             return []
-        whole = sum(p for _, p in ranked)
-        told = [(c, 0.99 * DECIDED * p / whole) for c, p in ranked]
-        return [replace(_detection(boxes[0], told, self.name, least=0.0), unsure=True)]
+        total = sum(p for _, p in ranked)
+        told = [(c, 0.99 * DECIDED * p / total) for c, p in ranked]
+        return [replace(_detection(box, told, self.name, least=0.0), unsure=True)]
 
 
 def _own(place: _Place, seen: dict[str, float], places: list[_Place]) -> dict[str, float]:

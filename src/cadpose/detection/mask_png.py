@@ -76,7 +76,7 @@ def _values(path: Path, photo: Photo) -> tuple[NDArray[np.uint8] | NDArray[np.ui
         )
     try:
         image.load()
-    except Exception:
+    except Exception:  # as above, of the pixels
         raise InputError(f"{path} is damaged or cut short: get a whole copy.") from None
     pixels = np.asarray(image)
     if image.mode == "P":

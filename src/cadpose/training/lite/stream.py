@@ -127,17 +127,21 @@ class ObjectStream(IterableDataset[Objects]):
         return _CHUNK * self.source.options.series
 
     def __iter__(self) -> Iterator[Objects]:
-        info = get_worker_info()
-        worker, workers = (info.id, info.num_workers) if info else (0, 1)
         generator = self.source.generator()
-        at = self.first + worker * self.chunk
-        end = None if self.photos is None else self.first + self.photos
-        while end is None or at < end:
-            stop = at + self.chunk if end is None else min(at + self.chunk, end)
-            found = objects(generator, range(at, stop), self.source, self.main_only)
+        for numbers in worker_chunks(self.first, self.photos, self.chunk):
+            found = objects(generator, numbers, self.source, self.main_only)
             if found is not None:
                 yield found
-            at += workers * self.chunk
+
+
+def worker_chunks(first: int, photos: int | None, chunk: int) -> Iterator[range]:
+    """Numbers of the photos that this worker draws, chunk by chunk: w, w + W, ... of W workers' chunks."""
+    info = get_worker_info()
+    worker, workers = (info.id, info.num_workers) if info else (0, 1)
+    at, end = first + worker * chunk, None if photos is None else first + photos
+    while end is None or at < end:
+        yield range(at, at + chunk if end is None else min(at + chunk, end))
+        at += workers * chunk
 
 
 def objects(

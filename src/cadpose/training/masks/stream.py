@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils.data import IterableDataset, get_worker_info
+from torch.utils.data import IterableDataset
 
-from cadpose.training.lite.stream import Source
+from cadpose.training.lite.stream import Source, worker_chunks
 
 #: Photos that a worker draws at once, a whole number of series.
 _CHUNK = 2
@@ -58,15 +58,10 @@ class MaskStream(IterableDataset[MaskedObjects]):
         return _CHUNK * self.source.options.series
 
     def __iter__(self) -> Iterator[MaskedObjects]:
-        info = get_worker_info()
-        worker, workers = (info.id, info.num_workers) if info else (0, 1)
         generator = self.source.generator()
-        at = self.first + worker * self.chunk
-        end = None if self.photos is None else self.first + self.photos
-        while end is None or at < end:
-            stop = at + self.chunk if end is None else min(at + self.chunk, end)
+        for numbers in worker_chunks(self.first, self.photos, self.chunk):
             rows = []
-            for photo in map(generator.photo, range(at, stop)):
+            for photo in map(generator.photo, numbers):
                 picture = np.ascontiguousarray(photo.rgb.transpose(2, 0, 1))
                 rows += [
                     (picture, o.mask, o.visible_box.to_tuple())
@@ -80,4 +75,3 @@ class MaskStream(IterableDataset[MaskedObjects]):
                     torch.from_numpy(np.stack(masks)),
                     torch.tensor(boxes, dtype=torch.float32),
                 )
-            at += workers * self.chunk
