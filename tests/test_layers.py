@@ -28,7 +28,18 @@ TIERS: tuple[tuple[str, ...], ...] = (
     ("rotation",),
     ("detection",),
     ("library",),
-    ("photos", "rle", "jit", "encoder", "records", "weights", "errors", "onnx_session", "logistic"),
+    (
+        "photos",
+        "rle",
+        "jit",
+        "encoder",
+        "records",
+        "weights",
+        "errors",
+        "onnx_session",
+        "torch_files",
+        "logistic",
+    ),
     ("geometry",),
 )
 TIER_OF = {part: depth for depth, parts in enumerate(TIERS) for part in parts}

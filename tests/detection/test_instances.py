@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cadpose.detection import instances as module
+from cadpose.detection import reading
 from cadpose.detection.canvas import Canvas
 from cadpose.detection.coco import COCO_NAMES
 from cadpose.detection.instances import Instances, class_categories, detections
@@ -117,7 +117,7 @@ def test_masks_end_at_their_boxes_where_asked() -> None:
 def test_no_more_than_asked_for_and_than_memory_has_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = [([10.0 * i, 0, 10.0 * i + 9, 50], [0, 0.9 - 0.05 * i, 0, 0, 0, 0, 0]) for i in range(9)]
     assert [d.score for d in detected(found(*rows), most=2)] == pytest.approx([0.9, 0.85])
-    monkeypatch.setattr(module, "MAX_MASK_BYTES", 3 * 200 * 100)
+    monkeypatch.setattr(reading, "MAX_MASK_BYTES", 3 * 200 * 100)
     assert len(detected(found(*rows))) == 9
     assert len(detected(found(*rows, mask_of=lambda i: np.ones((2, 2), np.float32)))) == 3
 

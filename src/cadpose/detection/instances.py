@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cadpose.detection.canvas import Canvas
 from cadpose.detection.coco import COCO_NAMES, is_living
 from cadpose.detection.onnx_head import Suppression
-from cadpose.detection.reading import MAX_MASK_BYTES
+from cadpose.detection.reading import most_masks
 from cadpose.detection.suppression import suppress
 from cadpose.geometry.boxes import Box
 from cadpose.geometry.frames import FloatArray
@@ -117,7 +117,7 @@ def detections(
         across = suppression.iou if suppression.across_classes else 1.0
         best = suppress(best, across=across, within=suppression.iou, inside=1.0)
     if found.mask_of is not None:
-        most = min(most, max(MAX_MASK_BYTES // (canvas.photo[0] * canvas.photo[1]), 1))
+        most = min(most, most_masks(*canvas.photo))
     return [_with_mask(d, query[d], found, canvas) for d in best[:most]]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,7 @@ from torch import Tensor, nn
 
 from cadpose.errors import InputError
 from cadpose.library.storage import write_atomic
-
-log = logging.getLogger(__name__)
+from cadpose.torch_files import read_torch_file
 
 #: Largest checkpoint that is read; MoCo's with its optimiser and queue has some 340 MB.
 MAX_BYTES = 2 * 2**30
@@ -29,21 +27,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it is not there, too large, or holds anything else.
     """
-    try:
-        size = path.stat().st_size
-        if not path.is_file():
-            raise InputError(f"{path}: is not a file, name a checkpoint")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}), check the path") from error
-    if size > MAX_BYTES:
-        raise InputError(f"{path}: larger than {MAX_BYTES >> 30} GiB, which no checkpoint of this network is")
-    try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # the unpickler raises anything at all on hostile bytes
-        log.debug("%s", path, exc_info=True)
-        raise InputError(
-            f"{path}: is no checkpoint of plain tensors ({type(error).__name__}), fetch or save it anew"
-        ) from None
+    content = read_torch_file(path, MAX_BYTES)
     if not isinstance(content, dict):
         raise InputError(f"{path}: holds no dictionary of weights")
     return content

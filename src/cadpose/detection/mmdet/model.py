@@ -24,6 +24,7 @@ from cadpose.detection.reading import most_masks
 from cadpose.errors import DependencyError, InputError
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import Mask
+from cadpose.torch_files import read_torch_file
 
 if TYPE_CHECKING:
     from torch import nn
@@ -218,21 +219,7 @@ def read_weights(path: Path) -> dict[str, Any]:
     """
     import torch
 
-    try:
-        size = path.stat().st_size
-        if not path.is_file():
-            raise InputError(f"{path}: is not a file, name a checkpoint")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}), check the path") from None
-    if size > MAX_BYTES:
-        raise InputError(f"{path}: larger than {MAX_BYTES >> 20} MiB, which no checkpoint of DetectoRS is")
-    try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # the unpickler raises anything at all on hostile bytes
-        log.debug("%s", path, exc_info=True)
-        raise InputError(
-            f"{path}: is no checkpoint of plain tensors ({type(error).__name__}), fetch it anew"
-        ) from None
+    content = read_torch_file(path, MAX_BYTES, "DetectoRS")
     weights = content.get("state_dict") if isinstance(content, dict) else None
     if not isinstance(weights, dict):
         raise InputError(f"{path}: holds no state_dict, as OpenMMLab's checkpoints do")
