@@ -34,6 +34,7 @@ TIERS: tuple[tuple[str, ...], ...] = (
         "jit",
         "encoder",
         "records",
+        "poses",
         "weights",
         "errors",
         "onnx_session",

@@ -17,7 +17,10 @@ from cadpose.records import (
     Candidate,
     Detection,
     Photo,
+    PhotoCamera,
     Pose4Dof,
+    Pose6Dof,
+    Refinement,
     Rotation,
     RotationHypothesis,
     Views,
@@ -27,6 +30,7 @@ NAN, INF = math.nan, math.inf
 ROTATION = Rotation(40.0, 10.0, 5.0)
 CAD = CadModel(id="lib/car.obj", name="Car", category="car")
 DETECTION = Detection(box=Box(1.0, 2.0, 30.0, 40.0), category="car")
+CAMERA = PhotoCamera(500.0, (320.0, 240.0))
 POSE = Pose4Dof(rotation=ROTATION, focal_px=300.0, principal_px=(15.5, 21.0))
 rotations = st.builds(Rotation, st.floats(-720, 720), st.floats(-90, 90), st.floats(-720, 720))
 
@@ -52,6 +56,9 @@ GOOD: dict[type, dict[str, Any]] = {
     CadModel: {"id": "a", "name": "b", "category": "c"},
     Candidate: {"cad": CAD, "score": 1.0, "rotation": ROTATION},
     Pose4Dof: {"rotation": ROTATION, "focal_px": 1.0, "principal_px": (0.0, 0.0)},
+    PhotoCamera: {"focal_px": 500.0, "principal_px": (320.0, 240.0)},
+    Pose6Dof: {"R_cv_from_s": np.eye(3), "t_cv": np.array([0.0, 0.1, 4.0]), "camera": CAMERA},
+    Refinement: {"mode": "fast", "start": POSE, "start_score": 0.5, "score": 0.75, "evaluations": 40},
     Views: {
         "rgb": np.zeros((1, 2, 2, 3), np.uint8),
         "alpha": np.zeros((1, 2, 2), np.uint8),
@@ -99,6 +106,17 @@ BAD: list[tuple[type, dict[str, Any], str]] = [
     (Pose4Dof, {"t_z": 0.0}, "positive"),
     (Pose4Dof, {"t_z": INF}, "positive"),
     (Pose4Dof, {"principal_px": (NAN, 0.0)}, "finite"),
+    (PhotoCamera, {"focal_px": 0.0}, "positive"),
+    (PhotoCamera, {"focal_px": INF}, "positive"),
+    (PhotoCamera, {"principal_px": (0.0, NAN)}, "finite"),
+    (PhotoCamera, {"source": "guess"}, "given or exif"),
+    (Pose6Dof, {"R_cv_from_s": 2.0 * np.eye(3)}, "rotation"),
+    (Pose6Dof, {"R_cv_from_s": np.eye(4)}, "must be"),
+    (Pose6Dof, {"t_cv": np.array([0.0, 0.0, -1.0])}, "before the camera"),
+    (Pose6Dof, {"t_cv": np.array([0.0, NAN, 1.0])}, "finite"),
+    (Pose6Dof, {"diagonal_m": 0.0}, "positive"),
+    (Refinement, {"score": 0.25}, "worse than its start"),
+    (Refinement, {"score": NAN}, "finite"),
     (Views, {"rgb": np.zeros((2, 2, 2, 3), np.uint8)}, "do not fit"),
     (Views, {"depth": np.zeros((1, 2, 3), np.float32)}, "do not fit"),
     (Views, {"alpha": np.zeros((2, 2), np.uint8)}, "do not fit"),
@@ -111,6 +129,8 @@ BAD: list[tuple[type, dict[str, Any], str]] = [
     (Annotation, {"box_iou": NAN}, "box_iou"),
     (Annotation, {"mask_iou": -0.01}, "mask_iou"),
     (Annotation, {"mask_iou": NAN}, "mask_iou"),
+    (Annotation, {"confidence": 1.5}, "confidence"),
+    (Annotation, {"verdict": "maybe"}, "verdict"),
 ]
 
 
@@ -132,10 +152,11 @@ def test_every_record_is_frozen(record: type) -> None:
 def test_every_record_is_tested_here() -> None:
     import cadpose.records as records
 
+    homes = ("cadpose.records", "cadpose.poses")
     classes = {
         value
         for value in vars(records).values()
-        if dataclasses.is_dataclass(value) and getattr(value, "__module__", "") == "cadpose.records"
+        if dataclasses.is_dataclass(value) and getattr(value, "__module__", "") in homes
     }
     assert classes == set(GOOD)
     refusing = {record for record in classes if hasattr(record, "__post_init__")}

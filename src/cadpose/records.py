@@ -4,21 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cadpose.geometry.angles import (
-    angles_from_rotation,
-    geodesic_degrees,
-    rotation_from_angles,
-    wrap180,
-    wrap360,
-)
 from cadpose.geometry.boxes import Box
-from cadpose.geometry.camera import T_Z, Cameras
-from cadpose.geometry.frames import FloatArray
+from cadpose.poses import PhotoCamera, Pose4Dof, Pose6Dof, Rotation
+
+__all__ = [
+    "Annotation",
+    "CadModel",
+    "Candidate",
+    "Detection",
+    "Mask",
+    "Photo",
+    "PhotoCamera",
+    "Pose4Dof",
+    "Pose6Dof",
+    "Refinement",
+    "Rotation",
+    "RotationHypothesis",
+    "Verdict",
+    "Views",
+]
 
 Mask = NDArray[np.bool_]
 
@@ -59,44 +68,6 @@ class Photo:
     def height(self) -> int:
         """Height in pixels."""
         return int(self.rgb.shape[0])
-
-
-@dataclass(frozen=True, slots=True)
-class Rotation:
-    """Azimuth in [0, 360), elevation in [-90, 90], in-plane rotation in (-180, 180], in degrees.
-
-    Azimuth and in-plane rotation are wrapped into their range on construction.
-
-    Raises:
-        ValueError: an angle is not finite or the elevation is out of range.
-    """
-
-    azimuth: float
-    elevation: float
-    inplane: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not np.isfinite((self.azimuth, self.elevation, self.inplane)).all():
-            raise ValueError("a rotation's angles must be finite")
-        if not -90.0 <= self.elevation <= 90.0:
-            raise ValueError(f"elevation {self.elevation} is outside [-90, 90] degrees")
-        object.__setattr__(self, "azimuth", float(wrap360(self.azimuth)))
-        object.__setattr__(self, "elevation", float(self.elevation))
-        object.__setattr__(self, "inplane", float(wrap180(self.inplane)))
-
-    @classmethod
-    def from_matrix(cls, R_cv_from_s: FloatArray) -> Rotation:
-        """From a (3, 3) rotation, ShapeNet axes to OpenCV camera."""
-        azimuth, elevation, inplane = angles_from_rotation(R_cv_from_s)
-        return cls(float(azimuth), float(np.clip(elevation, -90.0, 90.0)), float(inplane))
-
-    def to_matrix(self) -> FloatArray:
-        """(3, 3) rotation, ShapeNet axes to OpenCV camera."""
-        return rotation_from_angles(self.azimuth, self.elevation, self.inplane)
-
-    def error_to(self, other: Rotation) -> float:
-        """Geodesic angle to another rotation, degrees."""
-        return float(geodesic_degrees(self.to_matrix(), other.to_matrix()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,53 +231,6 @@ class Views:
         return ((self.rgb * a + background * (255 - a) + 127) // 255).astype(np.uint8)
 
 
-@dataclass(frozen=True, slots=True)
-class Pose4Dof:
-    """Three angles and one focal length at t_z = 2.0, and where in the photo they apply.
-
-    The photo is seen through a virtual camera that looks at the object (the paper's Fig. 4). The paper puts
-    its principal point at the middle of the detection box; ``Annotator(align_to="box")``, the default, where
-    the middles of the projected rectangle and of the box agree. See docs/alignment.md.
-
-    Attributes:
-        rotation: Azimuth, elevation, in-plane rotation.
-        focal_px: Focal length in pixels of the photo.
-        principal_px: (x, y) in continuous pixels of the photo.
-        t_z: Distance of the object's origin, 2.0 in units of the model's bounding-box diagonal.
-
-    Raises:
-        ValueError: focal length or distance is not positive and finite.
-    """
-
-    rotation: Rotation
-    focal_px: float
-    principal_px: tuple[float, float]
-    t_z: float = T_Z
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.focal_px) and self.focal_px > 0):
-            raise ValueError(f"focal length {self.focal_px} must be positive")
-        if not (np.isfinite(self.t_z) and self.t_z > 0):
-            raise ValueError(f"t_z {self.t_z} must be positive")
-        if not np.isfinite(self.principal_px).all():
-            raise ValueError("the principal point must be finite")
-
-    def to_cameras(self, width: int, height: int) -> Cameras:
-        """One camera for a photo of that size."""
-        return Cameras.from_rotations(
-            self.rotation.to_matrix(),
-            focal_px=self.focal_px,
-            principal_px=self.principal_px,
-            width=width,
-            height=height,
-            t_z=self.t_z,
-        )
-
-    def project(self, points_s: FloatArray) -> FloatArray:
-        """(P, 3) object points to (P, 2) continuous pixels of the photo (Eq. 8)."""
-        return np.asarray(self.to_cameras(1, 1).project(points_s)[0])
-
-
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A CAD model compared with the photo.
@@ -335,6 +259,38 @@ class Candidate:
             raise ValueError(f"candidate {self.cad.id}: probability {self.probability} is outside [0, 1]")
 
 
+@dataclass(frozen=True, slots=True)
+class Refinement:
+    """What render-and-compare changed of a pose.
+
+    Attributes:
+        mode: ``"fast"`` or ``"full"``.
+        start: The pose that it began with.
+        start_score: Score of ``start``; higher is better, comparable within one object only.
+        score: Score of the refined pose, at least ``start_score``.
+        evaluations: Poses that were drawn and compared.
+
+    Raises:
+        ValueError: a score is not finite, or the refined pose is worse than the start.
+    """
+
+    mode: str
+    start: Pose4Dof
+    start_score: float
+    score: float
+    evaluations: int
+
+    def __post_init__(self) -> None:
+        if not np.isfinite((self.start_score, self.score)).all():
+            raise ValueError("the scores of a refinement must be finite")
+        if self.score < self.start_score:
+            raise ValueError(f"a refinement to {self.score} is worse than its start, {self.start_score}")
+
+
+#: What may be done with an annotation: use it, let a person look first, or leave it out.
+Verdict = Literal["auto_accept", "review", "reject"]
+
+
 @dataclass(frozen=True, eq=False)
 class Annotation:
     """The 4-DoF annotation of one object, with what it was chosen from.
@@ -354,10 +310,15 @@ class Annotation:
         none_probability: Chance that none of the candidates is the object's model; None where the ranking
             tells none. With the candidates' probabilities it adds up to 1.
         cad_needs_review: Whether a person should look before the model is used.
+        refinement: What changed the pose after the focal length was fitted; None where nothing did.
+        pose_6dof: The pose in the camera that took the photo; None where that camera is unknown, and then
+            only the ratio f / t_z of ``pose`` has been seen.
+        confidence: Calibrated chance that rotation and model are both right; None where it is not told.
+        verdict: What ``confidence`` allows; None where it is not told.
 
     Raises:
-        ValueError: there is no candidate, the photo's size is not positive, or an IoU or the probability is
-            outside [0, 1].
+        ValueError: there is no candidate, the photo's size is not positive, an IoU or a probability is
+            outside [0, 1], or the verdict is another word.
     """
 
     photo_name: str
@@ -373,16 +334,28 @@ class Annotation:
     provenance: dict[str, Any] = field(default_factory=dict)
     none_probability: float | None = None
     cad_needs_review: bool = False
+    refinement: Refinement | None = None
+    pose_6dof: Pose6Dof | None = None
+    confidence: float | None = None
+    verdict: Verdict | None = None
 
     def __post_init__(self) -> None:
         if not self.candidates:
             raise ValueError("an annotation needs at least one CAD candidate")
         if min(self.photo_size) < 1:
             raise ValueError(f"photo_size {self.photo_size} must be positive")
-        for name in ("box_iou", "mask_iou", "none_probability"):
+        for name in ("box_iou", "mask_iou", "none_probability", "confidence"):
             share = getattr(self, name)
             if share is not None and not 0.0 <= share <= 1.0 + 1e-9:
                 raise ValueError(f"{name} {share} is outside [0, 1]")
+        if self.verdict not in (None, "auto_accept", "review", "reject"):
+            raise ValueError(f"a verdict is auto_accept, review or reject, not {self.verdict!r}")
+
+    @property
+    def offset_px(self) -> tuple[float, float]:
+        """(dx, dy) from the box's middle to the principal point: the fifth and sixth number of a pose."""
+        (x, y), (cx, cy) = self.pose.principal_px, self.detection.box.centre
+        return x - cx, y - cy
 
     @property
     def cad(self) -> CadModel:

@@ -16,7 +16,10 @@ from cadpose.records import (
     Detection,
     Mask,
     Photo,
+    PhotoCamera,
     Pose4Dof,
+    Pose6Dof,
+    Refinement,
     Rotation,
     RotationHypothesis,
     Views,
@@ -82,6 +85,14 @@ def make_annotation(photo: Photo, *, box: Box | None = None, **changes: Any) -> 
         "mask_iou": 0.81,
         "none_probability": 0.3125,
         "cad_needs_review": True,
+        "refinement": Refinement(
+            "fast", Pose4Dof(Rotation(310.0, 8.5), 1.9 * box.width, box.centre), 0.5, 0.625, 71
+        ),
+        "pose_6dof": Pose6Dof.from_4dof(
+            Pose4Dof(rotation, 2.0 * box.width, box.centre), PhotoCamera(150.0, (60.0, 40.0), "exif"), 4.75
+        ),
+        "confidence": 0.5625,
+        "verdict": "review",
         "seconds": {"detection": 0.1, "rotation": 1 / 3},
         "provenance": {"cadpose": "0.1.0", "stages": ["embedded", "vote"], "seed": 0, "gpu": None},
     }

@@ -49,6 +49,10 @@ def test_records_come_back_exactly() -> None:
         annotation,
         detection=dataclasses.replace(annotation.detection, mask=None, rotation=None, alternatives=()),
         mask_iou=None,
+        refinement=None,
+        pose_6dof=None,
+        confidence=None,
+        verdict=None,
         hypotheses=(),
         candidates=(Candidate(CadModel("id", "", "car"), -1.5, Rotation(0, 0)),),
     )

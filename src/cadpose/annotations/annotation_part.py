@@ -19,7 +19,8 @@ from cadpose.annotations.parts import (
     plain_json,
     plain_text,
 )
-from cadpose.records import Annotation
+from cadpose.annotations.pose_parts import Depth, Pose6DofPart, RefinementPart
+from cadpose.records import Annotation, Verdict
 
 
 class AnnotationPart(Part):
@@ -27,6 +28,12 @@ class AnnotationPart(Part):
 
     none_probability is the chance that none of the candidates is the object's model, null where the ranking
     tells none; cad_needs_review says that a person should look before the model is used.
+
+    depth says what is known of the distance: "ratio" where only f / t_z was seen and t_z is a convention,
+    "scale" where pose_6dof gives it in model diagonals, "metric" where it gives metres.
+
+    confidence is the calibrated chance that rotation and model are both right, and verdict what it allows:
+    auto_accept, review or reject; both are null where it is not told.
     """
 
     detection: DetectionPart
@@ -36,6 +43,11 @@ class AnnotationPart(Part):
     hypotheses: tuple[HypothesisPart, ...]
     none_probability: Share | None = None
     cad_needs_review: bool = False
+    depth: Depth = "ratio"
+    pose_6dof: Pose6DofPart | None = None
+    refinement: RefinementPart | None = None
+    confidence: Share | None = None
+    verdict: Verdict | None = None
     box_iou: Share
     mask_iou: Share | None
     seconds: dict[str, float]
@@ -55,9 +67,17 @@ class AnnotationPart(Part):
             raise ValueError("the candidates' ranks are not 1, 2, 3 ...")
         return self
 
+    @model_validator(mode="after")
+    def _depth_is_what_the_pose_tells(self) -> Self:
+        if self.depth != _depth(self.pose_6dof):
+            raise ValueError(f"depth is {self.depth}, but pose_6dof says {_depth(self.pose_6dof)}")
+        return self
+
     @classmethod
     def of(cls, annotation: Annotation) -> AnnotationPart:
         """From the record."""
+        whole = None if annotation.pose_6dof is None else Pose6DofPart.of(annotation.pose_6dof)
+        changed = annotation.refinement
         return cls(
             detection=DetectionPart.of(annotation.detection),
             pose=PosePart.of_pose(annotation.pose),
@@ -78,6 +98,11 @@ class AnnotationPart(Part):
             if annotation.none_probability is None
             else float(annotation.none_probability),
             cad_needs_review=bool(annotation.cad_needs_review),
+            depth=_depth(whole),
+            pose_6dof=whole,
+            refinement=None if changed is None else RefinementPart.of(changed),
+            confidence=None if annotation.confidence is None else float(annotation.confidence),
+            verdict=annotation.verdict,
             box_iou=float(annotation.box_iou),
             mask_iou=None if annotation.mask_iou is None else float(annotation.mask_iou),
             seconds={plain_text(stage): float(spent) for stage, spent in annotation.seconds.items()},
@@ -100,4 +125,14 @@ class AnnotationPart(Part):
             provenance=plain_json(self.provenance),
             none_probability=self.none_probability,
             cad_needs_review=self.cad_needs_review,
+            refinement=None if self.refinement is None else self.refinement.record(),
+            pose_6dof=None if self.pose_6dof is None else self.pose_6dof.pose(),
+            confidence=self.confidence,
+            verdict=self.verdict,
         )
+
+
+def _depth(pose: Pose6DofPart | None) -> Depth:
+    if pose is None:
+        return "ratio"
+    return "scale" if pose.diagonal_m is None else "metric"
