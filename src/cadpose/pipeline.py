@@ -326,7 +326,7 @@ class Annotator:
             box_iou=box_iou,
             mask_iou=overlap,
             seconds=dict(clock.seconds),
-            provenance=self._provenance(),
+            provenance=self.provenance(),
             none_probability=None if joint is None else joint.none_probability,
             cad_needs_review=joint is not None and joint.needs_review,
         )
@@ -365,7 +365,8 @@ class Annotator:
         # Beyond the photo nothing is known: what the model covers there does not count.
         return mask_iou(drawn & inside, given)
 
-    def _provenance(self) -> dict[str, object]:
+    def provenance(self) -> dict[str, object]:
+        """What every annotation says it was made with: version, library digest, stages, options."""
         return {
             "cadpose": cadpose.__version__,
             "library": self.library.digest,
