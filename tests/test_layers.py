@@ -40,6 +40,7 @@ TIERS: tuple[tuple[str, ...], ...] = (
         "onnx_session",
         "torch_files",
         "logistic",
+        "threads",
     ),
     ("geometry",),
 )

@@ -5,7 +5,6 @@ Imports happen when a backend is asked for, so that an optional one costs nothin
 
 from __future__ import annotations
 
-import os
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,6 +30,7 @@ from cadpose.rotation.gallery import GalleryStore, RenderFramed
 from cadpose.rotation.grid import grid_rotations
 from cadpose.similarity import SimilarityMeasure
 from cadpose.similarity.joint.templates import TemplateViews
+from cadpose.threads import threads
 from cadpose.weights import cache_folder
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class Backends:
         """The models' cached views."""
         folder = self.cache or cache_folder() / "galleries"
         # Blender's worker draws one view at a time; the rasteriser may be shared by threads.
-        workers = (os.cpu_count() or 1) if renderer_name.startswith("raster") else 1
+        workers = threads() if renderer_name.startswith("raster") else 1
         single = encoder_on(self.device, threads=1)
         return GalleryStore(folder, single, self.render_framed, renderer_name, workers)
 
