@@ -1,0 +1,236 @@
+"""A photo's scene as one binary glTF file (.glb), and the annotations read back from one."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cadpose.annotations.document import AnnotationDocument
+from cadpose.annotations.files import write_atomic
+from cadpose.annotations.scenes.contents import Meshes, SceneContents, gather
+from cadpose.annotations.scenes.extras import GENERATOR, KEY, credits, model_extras, photo_title, unit_told
+from cadpose.annotations.scenes.glb import GlbBuilder, header_of
+from cadpose.annotations.scenes.layout import PlacedModel, Placement, turns_and_scales
+from cadpose.annotations.scenes.pieces import Piece
+from cadpose.annotations.scenes.shades import lamps, linear_from_srgb
+from cadpose.errors import InputError
+from cadpose.geometry.frames import FloatArray
+from cadpose.library.textures import encode_texture
+from cadpose.records import Photo
+from cadpose.rendering.scene import MaterialKind
+
+_ALPHA_MODE = {MaterialKind.OPAQUE: "OPAQUE", MaterialKind.CUTOUT: "MASK", MaterialKind.GLASS: "BLEND"}
+_REPEAT, _CLAMP, _LINEAR, _MIPMAPS = 10497, 33071, 9729, 9987
+
+
+def write_gltf_scene(
+    document: AnnotationDocument,
+    library: Meshes,
+    photo: Photo,
+    path: str | os.PathLike[str],
+    *,
+    placement: Placement = "overlay",
+) -> None:
+    """Write the scene of one photo, whole or not at all.
+
+    Args:
+        document: The photo's annotations.
+        library: The library that their CAD models are in.
+        photo: The photo itself.
+        path: Of the .glb file; its folder is made.
+        placement: ``"overlay"``: models on the annotation's pixels; ``"rigid"``: models undistorted.
+
+    Raises:
+        InputError: the photo is not the document's, or an annotation cannot be placed.
+        LibraryError: a model is not in the library, or its file is damaged.
+        CadposeError: the file cannot be written.
+    """
+    contents = gather(document, library, photo, placement, centred=True)
+    write_atomic(path, _Writer(contents).to_bytes())
+
+
+def read_gltf_scene(path: str | os.PathLike[str]) -> AnnotationDocument:
+    """The annotations that a .glb of `write_gltf_scene` carries.
+
+    Raises:
+        InputError: it is no such file, or the document in it is not valid.
+    """
+    try:
+        header = header_of(Path(path).read_bytes())
+        told = header["scenes"][header.get("scene", 0)]["extras"][KEY]
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        fault = str(error) if isinstance(error, ValueError) else "it carries no annotations"
+        raise InputError(f"{path} is no scene that cadpose exported: {fault}") from None
+    return AnnotationDocument.from_json(json.dumps(told), str(path))
+
+
+@dataclass
+class _Writer:
+    contents: SceneContents
+    _textures: dict[int, int] = field(default_factory=dict)
+    _meshes: dict[str, int] = field(default_factory=dict)
+
+    def to_bytes(self) -> bytes:
+        document, layout = self.contents.document, self.contents.layout
+        self.glb = GlbBuilder(
+            {
+                "asset": {"version": "2.0", "generator": GENERATOR, "copyright": credits(document)},
+                "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit"],
+                "scene": 0,
+                "samplers": [
+                    {"magFilter": _LINEAR, "minFilter": _MIPMAPS, "wrapS": wrap, "wrapT": wrap}
+                    for wrap in (_REPEAT, _CLAMP)
+                ],
+            }
+        )
+        nodes = [self._camera(), self._backdrop(), *self._lights(), *map(self._model, layout.models)]
+        extras = {
+            KEY: document.model_dump(mode="json", by_alias=True),
+            f"{KEY}_unit": unit_told(layout.models),
+        }
+        self.glb.add("scenes", {"name": photo_title(document), "nodes": nodes, "extras": extras})
+        return self.glb.to_bytes()
+
+    def _camera(self) -> int:
+        camera = self.contents.layout.camera
+        lens = {
+            "yfov": 2.0 * math.atan(camera.height / (2.0 * camera.focal_px)),
+            "aspectRatio": camera.width / camera.height,
+            "znear": camera.near,
+            "zfar": camera.far,
+        }
+        number = self.glb.add("cameras", {"name": "photo camera", "type": "perspective", "perspective": lens})
+        extras = {"focal_px": camera.focal_px, "photo_size": [camera.width, camera.height]}
+        return self.glb.add("nodes", {"name": "photo camera", "camera": number, "extras": {KEY: extras}})
+
+    def _backdrop(self) -> int:
+        glb = self.glb
+        image = glb.blob(self.contents.photo_jpeg)
+        picture = glb.add("images", {"name": "photo", "mimeType": "image/jpeg", "bufferView": image})
+        texture = glb.add("textures", {"source": picture, "sampler": 1})
+        material = glb.add(
+            "materials",
+            {
+                "name": "photo",
+                "pbrMetallicRoughness": {
+                    "baseColorTexture": {"index": texture},
+                    "metallicFactor": 0.0,
+                    "roughnessFactor": 1.0,
+                },
+                "extensions": {"KHR_materials_unlit": {}},
+            },
+        )
+        uv = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32)
+        corners = self.contents.layout.backdrop.astype(np.float32)
+        primitive = {
+            "attributes": {"POSITION": glb.vectors(corners, bounds=True), "TEXCOORD_0": glb.vectors(uv)},
+            "indices": glb.indices(np.array([(0, 1, 2), (0, 2, 3)], np.uint32)),
+            "material": material,
+        }
+        mesh = glb.add("meshes", {"name": "photo", "primitives": [primitive]})
+        return glb.add("nodes", {"name": "photo", "mesh": mesh})
+
+    def _lights(self) -> list[int]:
+        told = []
+        nodes = []
+        for number, lamp in enumerate(lamps()):
+            # Lux: a white surface that faces pi lux shows as white.
+            told.append({"name": lamp.name, "type": "directional", "intensity": math.pi * lamp.strength})
+            node = {
+                "name": lamp.name,
+                "rotation": _quaternion(lamp.turn()),
+                "extensions": {"KHR_lights_punctual": {"light": number}},
+            }
+            nodes.append(self.glb.add("nodes", node))
+        self.glb.header["extensions"] = {"KHR_lights_punctual": {"lights": told}}
+        return nodes
+
+    def _model(self, model: PlacedModel) -> int:
+        outer, scales, inner = turns_and_scales(model.T_scene_from_s)
+        name = f"{model.number + 1} {model.annotation.cad.name or model.annotation.cad.id}"
+        mesh = self._mesh(model.annotation.cad.id)
+        # A single node may turn and scale, but only two of them lean: docs/export-scenes.md.
+        body = self.glb.add("nodes", {"name": f"{name}: model", "mesh": mesh, "rotation": _quaternion(inner)})
+        return self.glb.add(
+            "nodes",
+            {
+                "name": name,
+                "translation": model.T_scene_from_s[:3, 3].tolist(),
+                "rotation": _quaternion(outer),
+                "scale": scales.tolist(),
+                "children": [body],
+                "extras": {KEY: model_extras(model)},
+            },
+        )
+
+    def _mesh(self, cad_id: str) -> int:
+        if cad_id not in self._meshes:
+            primitives = [self._primitive(piece) for piece in self.contents.pieces[cad_id]]
+            self._meshes[cad_id] = self.glb.add("meshes", {"name": cad_id, "primitives": primitives})
+        return self._meshes[cad_id]
+
+    def _primitive(self, piece: Piece) -> dict[str, Any]:
+        attributes = {
+            "POSITION": self.glb.vectors(piece.vertices, bounds=True),
+            "NORMAL": self.glb.vectors(piece.normals),
+        }
+        if piece.uv is not None:
+            # glTF counts v from the top.
+            attributes["TEXCOORD_0"] = self.glb.vectors(piece.uv * (1, -1) + (0, 1))
+        return {
+            "attributes": attributes,
+            "indices": self.glb.indices(piece.faces),
+            "material": self._material(piece),
+        }
+
+    def _material(self, piece: Piece) -> int:
+        red, green, blue = linear_from_srgb(piece.material.rgba[:3])
+        surface: dict[str, Any] = {
+            "baseColorFactor": [red, green, blue, piece.material.rgba[3]],
+            "metallicFactor": 0.0,
+            "roughnessFactor": 0.8,
+        }
+        if piece.material.texture is not None:
+            surface["baseColorTexture"] = {"index": self._texture(piece)}
+        told: dict[str, Any] = {
+            "name": piece.material.name,
+            "pbrMetallicRoughness": surface,
+            "doubleSided": True,
+            "alphaMode": _ALPHA_MODE[piece.kind],
+        }
+        return self.glb.add("materials", told)
+
+    def _texture(self, piece: Piece) -> int:
+        texture = piece.material.texture
+        assert texture is not None
+        if id(texture) not in self._textures:
+            data = encode_texture(texture)
+            kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
+            image = self.glb.add("images", {"mimeType": kind, "bufferView": self.glb.blob(data)})
+            self._textures[id(texture)] = self.glb.add("textures", {"source": image, "sampler": 0})
+        return self._textures[id(texture)]
+
+
+def _quaternion(R: FloatArray) -> list[float]:
+    """x, y, z, w of a rotation matrix (Shepperd's method: the largest of the four first)."""
+    trace = float(np.trace(R))
+    four = np.array([R[0, 0], R[1, 1], R[2, 2], trace])
+    largest = int(four.argmax())
+    q = np.empty(4)
+    if largest == 3:
+        q[:] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + trace
+    else:
+        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+        q[i] = 1.0 + R[i, i] - R[j, j] - R[k, k]
+        q[j], q[k] = R[j, i] + R[i, j], R[k, i] + R[i, k]
+        q[3] = R[k, j] - R[j, k]
+    q /= np.linalg.norm(q)
+    return [float(value) for value in q]
