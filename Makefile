@@ -1,6 +1,7 @@
 # make demo   sets everything up and annotates real photographs
 # make test   lint, types and every test; those of training need PyTorch, see docs/dependencies.md
 # make blender  the optional Blender renderer (GPL-3) in a virtualenv of its own; its tests run when it is there
+# make browser  Chromium, three.js and the glTF validator, for the test of exported scenes in a real viewer
 # make detectors  what DetectoRS needs but for its weights (PyTorch among it); its tests run when it is there
 # The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
 
@@ -9,7 +10,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 APT    := $(shell [ "$$(id -u)" = 0 ] || echo sudo) apt-get
 
-.PHONY: demo test test-fast lint models blender detectors clean
+.PHONY: demo test test-fast lint models blender browser detectors clean
 
 demo: $(VENV)/.demo models
 	$(BIN)/cadpose library add sweethome3d
@@ -37,6 +38,17 @@ blender: $(VENV)/.test
 	$(APT) update -q && $(APT) install -qy --no-install-recommends libx11-6 libgl1 libsm6 libxext6 libxfixes3 \
 		libxi6 libxrender1 libxkbcommon0
 	$(BIN)/cadpose blender setup
+
+# npm unpacks here and runs nothing: two packages of plain scripts, by version.
+browser: $(VENV)/.test
+	@command -v chromium >/dev/null \
+		|| { $(APT) update -q && $(APT) install -qy --no-install-recommends chromium; }
+	@command -v npm >/dev/null || { $(APT) update -q && $(APT) install -qy --no-install-recommends nodejs npm; }
+	$(BIN)/python -m pip install -q -e '.[browser]'
+	rm -rf $(VENV)/browser && mkdir -p $(VENV)/browser
+	cd $(VENV)/browser && npm pack --silent three@0.187.0 gltf-validator@2.0.0-dev.3.10 \
+		&& for name in three gltf-validator; do \
+			mkdir $$name && tar -xzf $$name-[0-9]*.tgz -C $$name --strip-components 1 || exit 1; done
 
 detectors: $(VENV)/.test
 	$(BIN)/python -m pip install -q -e '.[detectors]'
