@@ -35,6 +35,7 @@ TIERS: tuple[tuple[str, ...], ...] = (
         "encoder",
         "records",
         "poses",
+        "intrinsics",
         "weights",
         "errors",
         "onnx_session",

@@ -34,6 +34,7 @@ from cadpose.threads import threads
 from cadpose.weights import cache_folder
 
 if TYPE_CHECKING:
+    from cadpose.alignment.refinement.refine import Refiner
     from cadpose.rotation.render_and_compare import RenderAndCompare
     from cadpose.similarity.joint.ranker import JointRanker
 
@@ -123,6 +124,15 @@ class Backends:
             "posecontrast": posecontrast,
         }
         return cast(RotationEstimator, _choose("rotation", which, makers))
+
+    def refiner(self, mode: str) -> Refiner | None:
+        """What refines a pose; None for the mode ``off``."""
+        if mode == "off":
+            return None
+        from cadpose.alignment.refinement.network import RefinementNetwork
+        from cadpose.alignment.refinement.refine import Refiner
+
+        return Refiner(encoder_on(self.device), RefinementNetwork(self.device))
 
     def galleries(self, renderer_name: str) -> GalleryStore:
         """The models' cached views."""

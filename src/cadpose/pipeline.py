@@ -1,7 +1,7 @@
 """One photo in, 4-DoF annotations out: the only place where the stages meet.
 
 find the objects -> mask each -> guess its rotation -> rank the CAD candidates, each at its best rotation
-near a guess -> fit the focal length that lays the best one over the object
+near a guess -> fit the focal length that lays the best one over the object -> refine the pose
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cadpose
-from cadpose.alignment import align, focal_from_mask
+from cadpose.alignment.placement import Placement
 from cadpose.annotations.document import Failure
 from cadpose.backends import Backends
 from cadpose.detection.flags import flagged
 from cadpose.errors import CadposeError, DependencyError, InputError, LibraryError
-from cadpose.geometry.boxes import Box, box_iou, mask_iou
+from cadpose.geometry.boxes import Box
 from cadpose.geometry.camera import Cameras
 from cadpose.geometry.frames import FloatArray
+from cadpose.intrinsics import Intrinsics
 from cadpose.library.catalogue import Library
 from cadpose.library.class_map import category_from_name
 from cadpose.photos import crop_square, read_photo
@@ -51,10 +52,6 @@ log = logging.getLogger(__name__)
 
 #: Side of the square crops and renders that are compared.
 SIDE = 224
-#: Ways to fit the focal length.
-ALIGNMENTS = ("box", "paper", "mask")
-#: Side of the raster on which the silhouette is compared with the mask.
-_MASK_SIDE = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +102,8 @@ class Annotator:
         align_to: ``"box"`` fits the focal length to the detection box with the middles of box and projected
             rectangle together; ``"paper"`` keeps the principal point at the box's middle as the paper does;
             ``"mask"`` fits the silhouette to the mask. See docs/alignment.md.
+        refine: ``"off"``, ``"fast"`` or ``"full"``: render and compare about the fitted pose.
+        intrinsics: Tells which camera took a photo; EXIF where None.
         device: ``"cpu"`` or ``"cuda"``.
         seed: Seeds everything that draws random numbers.
         cache: Folder of template galleries; None for the user's cache folder.
@@ -127,23 +126,25 @@ class Annotator:
         index: LibraryIndex | None = None,
         categories: Sequence[str] | None = None,
         align_to: str = "box",
+        refine: str = "off",
+        intrinsics: Intrinsics | None = None,
         device: str = "cpu",
         seed: int = 0,
         cache: Path | None = None,
     ) -> None:
         if candidates < 1:
             raise ValueError(f"candidates must be at least 1, got {candidates}")
-        if align_to not in ALIGNMENTS:
-            raise ValueError(f"align_to must be one of {', '.join(ALIGNMENTS)}, got {align_to!r}")
         self.library = library if isinstance(library, Library) else Library.open(_path(library))
         self.categories = tuple(self._known(name) for name in categories or self.library.categories())
         self.candidate_count = candidates
-        self.align_to, self.seed, self.index = align_to, seed, index
+        self.intrinsics = Intrinsics() if intrinsics is None else intrinsics
+        self.seed, self.index = seed, index
         backends = Backends(device, seed, cache, self.render_framed, self.library.symmetry, self.library.mesh)
         self.renderer = backends.renderer(renderer)
         self.detector = backends.detector(detector, self.categories)
         self.masks = backends.masks(masks)
         self.rotation = backends.rotation(rotation, self.renderer.name)
+        self.placement = Placement(self.renderer, align_to, backends.refiner(refine), refine)
         self.chooser = backends.similarity("aligned")
         self._backends = backends
         self.similarity: SimilarityMeasure | JointRanker = (
@@ -313,57 +314,34 @@ class Annotator:
                 candidates = tuple(self.rank(photo, box, cads, [rotation], detection.mask))
         best = candidates[0]
         with clock.time("alignment"):
-            pose, box_iou = self._align(best, box, detection.mask)
-            overlap = None if detection.mask is None else self._mask_iou(best.cad, pose, box, detection.mask)
+            size = best.cad.size_cm
+            placed = self.placement.place(
+                photo,
+                box,
+                detection.mask,
+                self.library.mesh(best.cad),
+                best.rotation,
+                symmetry=self.library.symmetry(best.cad) if self.placement.refine != "off" else None,
+                camera=self.intrinsics.camera_of(photo),
+                diagonal_m=None if size is None else float(np.linalg.norm(size)) / 100.0,
+            )
         return Annotation(
             photo_name=photo.name,
             photo_sha256=photo.sha256,
             photo_size=(photo.width, photo.height),
             detection=detection,
-            pose=pose,
+            pose=placed.pose,
             candidates=candidates,
             hypotheses=tuple(hypotheses),
-            box_iou=box_iou,
-            mask_iou=overlap,
+            box_iou=placed.box_iou,
+            mask_iou=placed.mask_iou,
             seconds=dict(clock.seconds),
             provenance=self.provenance(),
             none_probability=None if joint is None else joint.none_probability,
             cad_needs_review=joint is not None and joint.needs_review,
+            refinement=placed.refinement,
+            pose_6dof=placed.pose_6dof,
         )
-
-    def _align(self, best: Candidate, box: Box, mask: Mask | None) -> tuple[Pose4Dof, float]:
-        mesh = self.library.mesh(best.cad)
-        if self.align_to == "mask" and mask is not None:
-            camera = Cameras.framing(best.rotation.to_matrix(), mesh.hull, size=_MASK_SIDE, margin=0.02)
-            silhouette = self.renderer.render(mesh, camera)
-            fit = focal_from_mask(silhouette.alpha[0], camera, mask, centred=True)
-            pose = Pose4Dof(best.rotation, fit.focal_px, fit.principal_px)
-            drawn = np.array(_rectangle(pose, mesh.hull).to_tuple())
-            return pose, float(box_iou(drawn, np.array(box.to_tuple())))
-        return align(mesh.hull, best.rotation, box, centred=self.align_to != "paper")
-
-    def _mask_iou(self, cad: CadModel, pose: Pose4Dof, box: Box, mask: Mask) -> float:
-        """Silhouette IoU on a raster around model and mask: large photos cost no more than small ones."""
-        drawn_box = _rectangle(pose, self.library.mesh(cad).hull)
-        frame = Box.around(box, drawn_box, Box.from_mask(mask)) if mask.any() else Box.around(box, drawn_box)
-        scale = _MASK_SIDE / max(frame.width, frame.height)
-        width, height = max(1, round(frame.width * scale)), max(1, round(frame.height * scale))
-        cx, cy = pose.principal_px
-        cameras = Cameras.from_rotations(
-            pose.rotation.to_matrix(),
-            focal_px=pose.focal_px * scale,
-            principal_px=((cx - frame.x0) * scale, (cy - frame.y0) * scale),
-            width=width,
-            height=height,
-            t_z=pose.t_z,
-        )
-        drawn = self.renderer.render(self.library.mesh(cad), cameras).mask[0]
-        columns = np.floor(frame.x0 + (np.arange(width) + 0.5) / scale).astype(int)
-        rows = np.floor(frame.y0 + (np.arange(height) + 0.5) / scale).astype(int)
-        inside = ((rows >= 0) & (rows < mask.shape[0]))[:, None] & (columns >= 0) & (columns < mask.shape[1])
-        given = mask[rows.clip(0, mask.shape[0] - 1)[:, None], columns.clip(0, mask.shape[1] - 1)] & inside
-        # Beyond the photo nothing is known: what the model covers there does not count.
-        return mask_iou(drawn & inside, given)
 
     def provenance(self) -> dict[str, object]:
         """What every annotation says it was made with: version, library digest, stages, options."""
@@ -375,18 +353,12 @@ class Annotator:
             "rotation": self.rotation.name,
             "similarity": self.similarity.name,
             "renderer": self.renderer.name,
-            "align_to": self.align_to,
+            "align_to": self.placement.align_to,
+            "refine": self.placement.refine,
             "candidates": self.candidate_count,
             "index": None if self.index is None else self.index.digest,
             "seed": self.seed,
         }
-
-
-def _rectangle(pose: Pose4Dof, points_s: FloatArray) -> Box:
-    """Rectangle of the projected points in pixels of the photo."""
-    pixels = pose.project(points_s)
-    (x0, y0), (x1, y1) = pixels.min(axis=0), pixels.max(axis=0)
-    return Box(float(x0), float(y0), float(x1), float(y1))
 
 
 def _path(value: Path | str | None) -> Path | None:
