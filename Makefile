@@ -1,6 +1,7 @@
 # make demo   sets everything up and annotates real photographs
 # make test   lint, types and every test; those of training need PyTorch, see docs/dependencies.md
 # make blender  the optional Blender renderer (GPL-3) in a virtualenv of its own; its tests run when it is there
+# make postgres  a PostgreSQL server of Debian's; the store's tests run on it too when it is there
 # make browser  Chromium, three.js and the glTF validator, for the test of exported scenes in a real viewer
 # make detectors  what DetectoRS needs but for its weights (PyTorch among it); its tests run when it is there
 # The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
@@ -10,7 +11,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 APT    := $(shell [ "$$(id -u)" = 0 ] || echo sudo) apt-get
 
-.PHONY: demo test test-fast lint models blender browser detectors clean
+.PHONY: demo test test-fast lint models blender postgres browser detectors clean
 
 demo: $(VENV)/.demo models
 	$(BIN)/cadpose library add sweethome3d
@@ -38,6 +39,11 @@ blender: $(VENV)/.test
 	$(APT) update -q && $(APT) install -qy --no-install-recommends libx11-6 libgl1 libsm6 libxext6 libxfixes3 \
 		libxi6 libxrender1 libxkbcommon0
 	$(BIN)/cadpose blender setup
+
+# The tests start a server of their own in a temporary folder; the one that Debian may start is left alone.
+postgres:
+	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 \
+		|| { $(APT) update -q && $(APT) install -qy --no-install-recommends postgresql; }
 
 # npm unpacks here and runs nothing: two packages of plain scripts, by version.
 browser: $(VENV)/.test

@@ -11,6 +11,7 @@ from hypothesis import settings
 
 from cadpose.library.catalogue import Library
 from cadpose.library.importers import add_path
+from tests.postgres_server import NewDatabase, postgres_server
 from tests.small_library import write_models
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -52,3 +53,10 @@ def small_library(model_files: Path, tmp_path_factory: pytest.TempPathFactory) -
     library = Library.create(tmp_path_factory.mktemp("library"))
     assert not add_path(library, model_files).failed
     return library
+
+
+@pytest.fixture(scope="session")
+def new_postgres() -> Iterator[NewDatabase]:
+    """Gives the URL of an empty database of a real PostgreSQL server; skipped where none is installed."""
+    with postgres_server() as new_database:
+        yield new_database

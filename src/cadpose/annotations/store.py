@@ -1,68 +1,88 @@
-"""An SQLite store of annotation documents: one transaction a photo, the same run again changes nothing."""
+"""The annotation database: one transaction a photo, the same run again changes nothing, nothing is lost.
+
+The tables and what they mean are told in docs/database.md; the work is done in ``annotations/database``.
+"""
 
 from __future__ import annotations
 
-import hashlib
-import json
-import sqlite3
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Self
 
-import sqlalchemy as sa
-from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+from cadpose.annotations.database import deciding, failing, reading, writing
+from cadpose.annotations.database.checking import Problem, problems
+from cadpose.annotations.database.counting import stats
+from cadpose.annotations.database.engine import Database
+from cadpose.annotations.database.layout import prepare
+from cadpose.annotations.database.merging import MergeReport, merge
+from cadpose.annotations.database.results import (
+    TRUSTED,
+    Author,
+    ConflictError,
+    DecisionVerdict,
+    Page,
+    QueueItem,
+    StoredAnnotation,
+    StoredDecision,
+    StoredFailure,
+    StoredPhoto,
+)
+from cadpose.annotations.database.selection import UNDECIDED, Selection, count, page
+from cadpose.annotations.document import AnnotationDocument
+from cadpose.records import Annotation, CadModel, Pose4Dof
 
-from cadpose.annotations import tables
-from cadpose.annotations.annotation_part import AnnotationPart
-from cadpose.annotations.document import SCHEMA, AnnotationDocument, FailurePart
-from cadpose.annotations.parts import DetectionPart, PhotoPart, RotationPart
-from cadpose.errors import CadposeError
-from cadpose.records import Annotation
-
-_BUSY_SECONDS = 60
-_T = TypeVar("_T")
-_P = TypeVar("_P", AnnotationPart, FailurePart)
-
-
-@dataclass(frozen=True, slots=True)
-class StoredPhoto:
-    """A row of the photos table.
-
-    Attributes:
-        sha256: Digest of the photo's bytes, the key.
-        name: Its name when it was last written.
-        width: Pixels.
-        height: Pixels.
-    """
-
-    sha256: str
-    name: str
-    width: int
-    height: int
+__all__ = [
+    "TRUSTED",
+    "UNDECIDED",
+    "Author",
+    "ConflictError",
+    "DecisionVerdict",
+    "MergeReport",
+    "Page",
+    "Problem",
+    "QueueItem",
+    "Selection",
+    "Store",
+    "StoredAnnotation",
+    "StoredDecision",
+    "StoredFailure",
+    "StoredPhoto",
+]
 
 
 class Store:
-    """Annotation documents in an SQLite file, which is made with its folder where it is missing.
+    """Annotation documents and the decisions on them, in an SQLite file or a PostgreSQL database.
 
-    Several processes may write at once: each photo is one transaction, written ahead (WAL) and synced.
+    Several processes may write at once: each photo is one transaction. An SQLite file is written ahead (WAL)
+    and synced, and made with its folder where it is missing.
 
     Args:
         url: ``"sqlite:///file.db"`` (relative path) or ``"sqlite:////srv/file.db"`` (absolute);
-            ``"sqlite://"`` keeps everything in memory.
+            ``"sqlite://"`` keeps everything in memory; ``"postgresql+psycopg://user@host/database"``.
+        create: Make a missing SQLite file; without it a missing one is an error.
+        migrate: What to do with a store of an earlier version: migrate it (True), refuse it (False), or by
+            default migrate an SQLite file, keeping a copy beside it, and refuse on a server.
+
+    Attributes:
+        revision_found: Revision of the tables as they were found, empty for a new store.
+        backup: The copy that was kept of an older file, or None.
 
     Raises:
-        CadposeError: the URL is not SQLite's, or the file cannot be made, opened or written.
+        CadposeError: the URL is neither's, or the store cannot be made, opened, migrated or written, or a
+            newer version of cadpose made it.
+        DependencyError: PostgreSQL is asked for and psycopg is not installed.
     """
 
-    def __init__(self, url: str) -> None:
-        self._engine = _engine(url)
-        self._place = self._engine.url.database or "memory"
-        with self._told("open"), self._begin() as connection:
-            tables.metadata.create_all(connection)
-            _add_missing_columns(connection)
+    def __init__(self, url: str, *, create: bool = True, migrate: bool | None = None) -> None:
+        self._database = Database(url, create=create)
+        try:
+            layout = prepare(self._database, migrate)
+        except BaseException:
+            self._database.close()
+            raise
+        self.revision_found: str = layout.found
+        self.backup: Path | None = layout.backup
 
     def __enter__(self) -> Self:
         return self
@@ -72,247 +92,206 @@ class Store:
     ) -> None:
         self.close()
 
+    @property
+    def place(self) -> str:
+        """The file, or the server's address without its password."""
+        return self._database.place
+
     def close(self) -> None:
-        """Close the file."""
-        self._engine.dispose()
+        """Close the file or the connections."""
+        self._database.close()
+
+    # -- documents -------------------------------------------------------------------------------
 
     def add(self, document: AnnotationDocument) -> bool:
-        """Write a photo's document, replacing what the store held of that photo.
+        """Write a photo's document in one transaction.
+
+        What the store held of that photo and this document does not repeat becomes history. Where a person
+        decided on a former answer that one goes on holding; see docs/database.md.
 
         Returns:
             Whether anything was written: False where the store holds the same document already,
             timings aside.
 
         Raises:
-            CadposeError: the file cannot be written; the photo's former document is kept.
+            CadposeError: the store cannot be written; what it held of the photo is kept.
         """
-        rows = _rows(document)
-        with self._told("write"), self._begin() as connection:
-            sha256 = document.photo.sha256
-            held = sa.select(tables.PHOTOS.c.content_sha256).where(tables.PHOTOS.c.sha256 == sha256)
-            if connection.scalar(held) == rows[0][1][0]["content_sha256"]:
-                return False
-            # The rows below the photo go with it (ON DELETE CASCADE).
-            connection.execute(sa.delete(tables.PHOTOS).where(tables.PHOTOS.c.sha256 == sha256))
-            for table, values in rows:
-                if values:
-                    connection.execute(sa.insert(table), values)
-        return True
+        return writing.add_documents(self._database, [document]) == 1
+
+    def add_many(self, documents: Iterable[AnnotationDocument]) -> int:
+        """Write documents, a hundred a transaction; how many were not there already.
+
+        Raises:
+            CadposeError: the store cannot be written; whole hundreds were.
+        """
+        return writing.add_documents(self._database, documents)
 
     def photos(self) -> list[StoredPhoto]:
         """All photos, by name."""
-        p = tables.PHOTOS.c
-        query = sa.select(p.sha256, p.name, p.width, p.height).order_by(p.name, p.sha256)
-        return [StoredPhoto(*row) for row in self._read(lambda connection: connection.execute(query).all())]
+        with self._database.reading() as connection:
+            return reading.photos(connection)
 
-    def document(self, photo_sha256: str) -> AnnotationDocument | None:
-        """The document of one photo exactly as it was added, or None."""
-        t = tables
+    def document(self, photo_sha256: str, *, original: bool = False) -> AnnotationDocument | None:
+        """The document of one photo, or None.
 
-        def read(connection: sa.Connection) -> AnnotationDocument | None:
-            photo = connection.execute(sa.select(t.PHOTOS).where(t.PHOTOS.c.sha256 == photo_sha256)).first()
-            if photo is None:
-                return None
-            found, failed = (
-                connection.scalars(
-                    sa.select(table.c.document)
-                    .where(table.c.photo_sha256 == photo_sha256)
-                    .order_by(table.c.position)
-                ).all()
-                for table in (t.ANNOTATIONS, t.FAILURES)
-            )
-            return AnnotationDocument(
-                schema=photo.schema_version,
-                photo=PhotoPart(name=photo.name, sha256=photo.sha256, size=(photo.width, photo.height)),
-                annotations=tuple(_part(AnnotationPart, part) for part in found),
-                failures=tuple(_part(FailurePart, part) for part in failed),
-            )
+        Args:
+            photo_sha256: Digest of the photo's bytes.
+            original: Exactly as it was last added, without what people decided since.
+        """
+        with self._database.reading() as connection:
+            return reading.document(connection, photo_sha256, original)
 
-        return self._read(read)
+    def iter_documents(self, *, original: bool = False) -> Iterator[AnnotationDocument]:
+        """Every document, by name of its photo; memory does not grow with their number."""
+        return reading.iter_documents(self._database, original)
 
-    def annotations(self, category: str | None = None, cad_id: str | None = None) -> list[Annotation]:
+    # -- annotations -----------------------------------------------------------------------------
+
+    def annotations(
+        self, category: str | None = None, cad_id: str | None = None, *, original: bool = False
+    ) -> list[Annotation]:
         """Annotations of a detected category, of a chosen CAD model, of both, or all; by photo name."""
-        p, a = tables.PHOTOS.c, tables.ANNOTATIONS.c
-        query = (
-            sa.select(p.sha256, p.name, p.width, p.height, a.document)
-            .join_from(tables.PHOTOS, tables.ANNOTATIONS)
-            .order_by(p.name, p.sha256, a.position)
-        )
-        if category is not None:
-            query = query.where(a.category == category)
-        if cad_id is not None:
-            query = query.where(a.cad_id == cad_id)
+        return list(self.iter_annotations(Selection(category=category, cad_id=cad_id), original=original))
 
-        def read(connection: sa.Connection) -> list[Annotation]:
-            return [
-                _part(AnnotationPart, row.document).record(
-                    PhotoPart(name=row.name, sha256=row.sha256, size=(row.width, row.height))
-                )
-                for row in connection.execute(query)
-            ]
+    def iter_annotations(
+        self, selection: Selection | None = None, *, original: bool = False
+    ) -> Iterator[Annotation]:
+        """Annotations, by photo name; memory does not grow with their number.
 
-        return self._read(read)
+        Args:
+            selection: Which; all that hold unless told, rejected ones too.
+            original: The machine's pose and model, without what people changed.
+        """
+        return (found.annotation for found in self.iter_stored(selection, original=original))
 
-    def _read(self, read: Callable[[sa.Connection], _T]) -> _T:
-        with self._told("read"), self._engine.begin() as connection:
-            return read(connection)
+    def iter_stored(
+        self, selection: Selection | None = None, *, original: bool = False
+    ) -> Iterator[StoredAnnotation]:
+        """The same with each one's key, version and verdict."""
+        return reading.iter_stored(self._database, selection or Selection(), original)
 
-    @contextmanager
-    def _begin(self) -> Iterator[sa.Connection]:
-        with self._engine.execution_options(writes=True).begin() as connection:
-            yield connection
+    def stored(self, annotation_id: str, *, original: bool = False) -> StoredAnnotation | None:
+        """One annotation, also one that is history; None where there is none."""
+        with self._database.reading() as connection:
+            return reading.stored(connection, annotation_id, original)
 
-    @contextmanager
-    def _told(self, what: str) -> Iterator[None]:
-        try:
-            yield
-        except (SQLAlchemyError, sqlite3.Error, ValueError) as error:
-            reason = str(getattr(error, "orig", None) or error).splitlines()[0]
-            raise CadposeError(
-                f"cannot {what} the store {self._place}: {reason}; choose another file with --store"
-            ) from None
+    def former(self, photo_sha256: str) -> list[StoredAnnotation]:
+        """Annotations of a photo that do not hold any more, because another run or person said otherwise."""
+        with self._database.reading() as connection:
+            return reading.former(connection, photo_sha256)
 
+    def queue(self, selection: Selection | None = None, *, after: str | None = None, limit: int = 50) -> Page:
+        """A page of annotations, the least confident first, those that tell no confidence before them.
 
-def _engine(url: str) -> sa.Engine:
-    hint = "write it as sqlite:///file.db"
-    try:
-        parsed = sa.make_url(url)
-    except ArgumentError:
-        raise CadposeError(f"{url!r} is not a database URL: {hint}") from None
-    if parsed.drivername not in ("sqlite", "sqlite+pysqlite"):
-        raise CadposeError(f"the store cannot be a {parsed.drivername} database: {hint}")
-    if parsed.database and parsed.database != ":memory:":
-        try:
-            Path(parsed.database).parent.mkdir(parents=True, exist_ok=True)
-        except (OSError, ValueError) as error:
-            raise CadposeError(f"cannot make the folder of the store {parsed.database}: {error}") from None
-    engine = sa.create_engine(parsed, connect_args={"timeout": _BUSY_SECONDS})
+        A deep page takes no longer than the first. Annotations that are added meanwhile neither repeat nor
+        hide others.
 
-    @sa.event.listens_for(engine, "connect")
-    def _connected(connection: Any, _: object) -> None:
-        # Python's driver would begin transactions by its own rules; _begun does it instead.
-        connection.isolation_level = None
-        for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
-            connection.execute(f"PRAGMA {pragma}")
+        Args:
+            selection: Which.
+            after: ``Page.after`` of the page before; None for the first one.
+            limit: At most so many, 1 to 1000.
 
-    @sa.event.listens_for(engine, "begin")
-    def _begun(connection: sa.Connection) -> None:
-        # A writer takes the lock at once: one that read first could not wait for another writer.
-        writes = connection.get_execution_options().get("writes")
-        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+        Raises:
+            InputError: ``after`` is no such key, or the limit is out of range.
+        """
+        with self._database.reading() as connection:
+            return page(connection, selection or Selection(), after, limit)
 
-    return engine
+    def count(self, selection: Selection | None = None) -> int:
+        """How many annotations the selection takes."""
+        with self._database.reading() as connection:
+            return count(connection, selection or Selection())
 
+    # -- decisions -------------------------------------------------------------------------------
 
-def _add_missing_columns(connection: sa.Connection) -> None:
-    """Bring the tables of an earlier version's store up to date; its rows get null or the default."""
-    for column in tables.ADDED_LATER:
-        held = {known["name"] for known in sa.inspect(connection).get_columns(column.table.name)}
-        if column.name not in held:
-            written = sa.schema.CreateColumn(column).compile(dialect=connection.dialect)
-            connection.exec_driver_sql(f"ALTER TABLE {column.table.name} ADD COLUMN {written}")
+    def decide(
+        self,
+        annotation_id: str,
+        verdict: DecisionVerdict,
+        author: Author,
+        *,
+        expected_version: int | None,
+        reason: str = "",
+        note: str = "",
+        pose: Pose4Dof | None = None,
+        cad: CadModel | None = None,
+        measures: Mapping[str, float] | None = None,
+    ) -> int:
+        """Say what is to be done with an annotation.
 
+        Args:
+            annotation_id: Its key.
+            verdict: ``accept``, ``reject``, ``edit``, ``auto_accept``, ``review`` (look again) or ``skip``.
+            author: Who or what says so. A program is refused where a person has decided.
+            expected_version: The version that was looked at; None takes whatever is there.
+            reason: Why, in a word or two.
+            note: Anything else.
+            pose: With ``edit``: the right pose.
+            cad: With ``edit``: the right model.
+            measures: With ``edit``: ``box_iou`` and ``mask_iou`` of what was set.
 
-def _part(model: type[_P], stored: Any) -> _P:
-    # Through JSON text, because in strict mode only there a list stands for a tuple.
-    return model.model_validate_json(json.dumps(stored))
+        Returns:
+            The annotation's new version.
 
+        Raises:
+            ConflictError: somebody else decided meanwhile, another run took the annotation's place, or a
+                program would overrule a person.
+            InputError: no such annotation or verdict, or an edit without a change.
+            CadposeError: the store cannot be written.
+        """
+        with self._database.writing() as connection:
+            return deciding.decide(
+                connection,
+                annotation_id,
+                verdict,
+                author,
+                expected_version,
+                reason=reason,
+                note=note,
+                pose=pose,
+                cad=cad,
+                measures=measures,
+            )
 
-def _digest(*values: Any) -> str:
-    text = json.dumps(values, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    def history(self, annotation_id: str) -> list[StoredDecision]:
+        """Every decision on an annotation, the first one first; the program's own verdict is one."""
+        with self._database.reading() as connection:
+            return deciding.history(connection, annotation_id)
 
+    # -- photos that failed ----------------------------------------------------------------------
 
-def _rows(document: AnnotationDocument) -> list[tuple[sa.Table, list[dict[str, Any]]]]:
-    """Every table's rows of one document, parents first."""
-    photo, data = document.photo, document.model_dump(mode="json", by_alias=True)
-    untimed = [{k: v for k, v in part.items() if k != "seconds"} for part in data["annotations"]]
-    ids = [_digest(photo.sha256, position, part) for position, part in enumerate(untimed)]
-    photo_row = {
-        "sha256": photo.sha256,
-        "name": photo.name,
-        "width": photo.size[0],
-        "height": photo.size[1],
-        "schema_version": SCHEMA,
-        "content_sha256": _digest(data | {"annotations": untimed}),
-    }
-    annotations, candidates, hypotheses = [], [], []
-    for position, (key, part) in enumerate(zip(ids, document.annotations, strict=True)):
-        pose = part.pose
-        rows: dict[str, Any] = {"annotation_id": key}
-        annotations.append(
-            {
-                "id": key,
-                "photo_sha256": photo.sha256,
-                "position": position,
-                **_found(part.detection),
-                "source": part.detection.source,
-                **_angles(pose),
-                "focal_px": pose.focal_px,
-                "principal_x": pose.principal_px[0],
-                "principal_y": pose.principal_px[1],
-                "t_z": pose.t_z,
-                "cad_id": part.cad.id,
-                "cad_name": part.cad.name,
-                "box_iou": part.box_iou,
-                "mask_iou": part.mask_iou,
-                "cad_probability": part.candidates[0].probability,
-                "none_probability": part.none_probability,
-                "cad_needs_review": part.cad_needs_review,
-                "document": data["annotations"][position],
-            }
-        )
-        candidates += [
-            rows
-            | {
-                "rank": candidate.rank,
-                "cad_id": candidate.cad.id,
-                "cad_name": candidate.cad.name,
-                "cad_category": candidate.cad.category,
-                "score": candidate.score,
-                **_angles(candidate.rotation),
-                "measures": candidate.measures,
-                "probability": candidate.probability,
-            }
-            for candidate in part.candidates
-        ]
-        hypotheses += [
-            rows
-            | {
-                "rank": rank,
-                **_angles(h.rotation),
-                "score": h.score,
-                "probability": h.probability,
-                "expected_error": h.expected_error,
-                "needs_review": h.needs_review,
-            }
-            for rank, h in enumerate(part.hypotheses, start=1)
-        ]
-    failures = [
-        {
-            "photo_sha256": photo.sha256,
-            "position": position,
-            **_found(failure.detection),
-            "stage": failure.stage,
-            "reason": failure.reason,
-            "document": data["failures"][position],
-        }
-        for position, failure in enumerate(document.failures)
-    ]
-    return [
-        (tables.PHOTOS, [photo_row]),
-        (tables.ANNOTATIONS, annotations),
-        (tables.CANDIDATES, candidates),
-        (tables.HYPOTHESES, hypotheses),
-        (tables.FAILURES, failures),
-    ]
+    def add_failure(self, name: str, sha256: str | None, stage: str, reason: str) -> None:
+        """Write that a photo could not be annotated; adding its document later takes it away.
 
+        Args:
+            name: Its path as it was given.
+            sha256: Digest of its bytes, None where they could not be read.
+            stage: Where it ended.
+            reason: One sentence.
+        """
+        with self._database.writing() as connection:
+            failing.add_failure(connection, name, sha256, stage, reason)
 
-def _found(detection: DetectionPart) -> dict[str, Any]:
-    box = dict(zip(("box_x0", "box_y0", "box_x1", "box_y1"), detection.box, strict=True))
-    flags = {"truncated": detection.truncated, "tiny": detection.tiny, "unsure": detection.unsure}
-    return {"category": detection.category, "score": detection.score, **box, **flags}
+    def photo_failures(self) -> list[StoredFailure]:
+        """Photos that failed and have not been annotated since, by name."""
+        with self._database.reading() as connection:
+            return failing.failures(connection)
 
+    # -- the whole -------------------------------------------------------------------------------
 
-def _angles(rotation: RotationPart) -> dict[str, float]:
-    return {"azimuth": rotation.azimuth, "elevation": rotation.elevation, "inplane": rotation.inplane}
+    def check(self) -> Iterator[Problem]:
+        """Read everything again and tell what is damaged; nothing is changed."""
+        return problems(self._database)
+
+    def stats(self) -> dict[str, dict[str, int]]:
+        """Counts by category, verdict, model, licence, version, author and stage."""
+        with self._database.reading() as connection:
+            return stats(connection)
+
+    def merge(self, other: Store) -> MergeReport:
+        """Take over everything of another store, whole or not at all; twice changes nothing more.
+
+        Raises:
+            CadposeError: either store cannot be read or written.
+        """
+        return merge(self._database, other._database)

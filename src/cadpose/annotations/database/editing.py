@@ -1,0 +1,82 @@
+"""What a person's edit makes of the machine's annotation."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cadpose.annotations.annotation_part import AnnotationPart
+from cadpose.annotations.parts import CadPart, PosePart
+from cadpose.annotations.pose_parts import Pose6DofPart
+from cadpose.poses import Pose4Dof, Pose6Dof, Rotation
+
+
+def pose_json(pose: Pose4Dof) -> dict[str, Any]:
+    """A pose as it is kept with a decision: its numbers, without the matrices."""
+    rotation, (x, y) = pose.rotation, pose.principal_px
+    return {
+        "azimuth": rotation.azimuth,
+        "elevation": rotation.elevation,
+        "inplane": rotation.inplane,
+        "focal_px": float(pose.focal_px),
+        "principal_px": [float(x), float(y)],
+        "t_z": float(pose.t_z),
+    }
+
+
+def pose_of(data: Mapping[str, Any]) -> Pose4Dof:
+    """Back from JSON, with or without the matrices."""
+    x, y = data["principal_px"]
+    rotation = Rotation(data["azimuth"], data["elevation"], data["inplane"])
+    return Pose4Dof(rotation, data["focal_px"], (x, y), data["t_z"])
+
+
+def edited(part: AnnotationPart, edit: Mapping[str, Any], cad: Mapping[str, Any] | None) -> AnnotationPart:
+    """The annotation with an edit's pose and model.
+
+    What the machine said of its own answer (confidence, verdict, refinement, what needs review) falls away,
+    and so does the mask IoU where none was told with the edit. The set model comes first among the
+    candidates, with no chance of its own unless it was one. ``provenance`` gets who edited it, and when.
+
+    Args:
+        part: The machine's.
+        edit: As :func:`cadpose.annotations.database.standing.settled` gives it.
+        cad: JSON of the model that was set; None where it was left.
+    """
+    data = part.model_dump(mode="json", by_alias=True)
+    pose = pose_of(edit["pose"]) if edit.get("pose") else part.pose.pose()
+    data["pose"] = PosePart.of_pose(pose).model_dump(mode="json")
+    if cad is not None:
+        rotation = {name: data["pose"][name] for name in ("azimuth", "elevation", "inplane")}
+        _put_first(data, cad, rotation)
+    data |= {"refinement": None, "confidence": None, "verdict": None, "cad_needs_review": False}
+    data["hypotheses"] = [hypothesis | {"needs_review": False} for hypothesis in data["hypotheses"]]
+    measures = edit.get("measures") or {}
+    data["mask_iou"] = measures.get("mask_iou")
+    data["box_iou"] = measures.get("box_iou", data["box_iou"])
+    if part.pose_6dof is not None:
+        known = part.pose_6dof
+        diagonal = known.diagonal_m if cad is None else _diagonal_m(cad)
+        whole = Pose6DofPart.of(Pose6Dof.from_4dof(pose, known.pose().camera, diagonal))
+        data["pose_6dof"] = whole.model_dump(mode="json")
+        data["depth"] = "scale" if diagonal is None else "metric"
+    data["provenance"]["edited"] = {name: edit[name] for name in ("by", "kind", "at")}
+    return AnnotationPart.model_validate_json(json.dumps(data))
+
+
+def _put_first(data: dict[str, Any], cad: Mapping[str, Any], rotation: Mapping[str, Any]) -> None:
+    old = data["candidates"]
+    same = [candidate for candidate in old if candidate["cad"] == cad]
+    fresh = {"score": old[0]["score"], "measures": {}, "probability": None}
+    first = {**(same[0] if same else fresh), "cad": dict(cad), "rotation": dict(rotation)}
+    ranked = [first, *(candidate for candidate in old if candidate not in same)]
+    data["candidates"] = [{**candidate, "rank": rank} for rank, candidate in enumerate(ranked, start=1)]
+    data["cad"] = CadPart.model_validate_json(json.dumps(dict(cad))).model_dump(mode="json")
+
+
+def _diagonal_m(cad: Mapping[str, Any]) -> float | None:
+    size = cad["size_cm"]
+    return None if size is None else float(np.linalg.norm(size)) / 100.0

@@ -1,0 +1,1 @@
+"""Revisions of the store's tables, run by Alembic; docs/database.md tells how to add one."""

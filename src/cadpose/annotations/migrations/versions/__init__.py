@@ -1,0 +1,1 @@
+"""One file a revision, in order; what a revision does never changes once it is published."""
