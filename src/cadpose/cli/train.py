@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -193,47 +194,84 @@ def triplet(
     typer.echo(f"Network: {report.network}")
 
 
+_Drawn = Annotated[
+    Path | None,
+    typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
+]
+_Steps = Annotated[int | None, typer.Option("--steps", min=1, help="Optimiser steps.")]
+_Workers = Annotated[int, typer.Option("--workers", min=0, help="Processes that draw; 0: one a core.")]
+_Resume = Annotated[bool, typer.Option("--resume", help="Go on with the training in --out.")]
+_Out = Annotated[Path, typer.Option("--out", help="Folder for checkpoint, curves and network.")]
+
+
 @app.command("masks")
 def masks(
-    out: Annotated[Path, typer.Option("--out", help="Folder for checkpoint, curves and network.")],
+    out: _Out,
     library: LibraryFolder = None,
-    backgrounds: Annotated[
-        Path | None,
-        typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
-    ] = None,
-    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Optimiser steps.")] = None,
+    backgrounds: _Drawn = None,
+    steps: _Steps = None,
     batch: Annotated[int | None, typer.Option("--batch", min=2, help="Objects a step.")] = None,
-    workers: Annotated[int, typer.Option("--workers", min=0, help="Processes that draw; 0: one a core.")] = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the training in --out.")] = False,
+    workers: _Workers = 0,
+    resume: _Resume = False,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
     """Train the network that finds the mask of the object in a box."""
+    told: dict[str, Any] = {"library": library, "backgrounds": backgrounds, "steps": steps}
+    told |= {
+        "out": out,
+        "batch_size": batch,
+        "workers": workers,
+        "resume": resume,
+        "device": device,
+        "seed": seed,
+    }
+    _drawn_training("masks", ("step", "iou", "median", "over90"), told, json)
+
+
+@app.command("refinement")
+def refinement(
+    out: _Out,
+    library: LibraryFolder = None,
+    backgrounds: _Drawn = None,
+    steps: _Steps = None,
+    batch: Annotated[int | None, typer.Option("--batch", min=2, help="Pairs a step.")] = None,
+    workers: _Workers = 0,
+    resume: _Resume = False,
+    json: Json = False,
+    device: Device = "cpu",
+    seed: Seed = 0,
+) -> None:
+    """Train the network that tells how a drawn model must be turned to lie on the photo."""
+    told: dict[str, Any] = {"library": library, "backgrounds": backgrounds, "steps": steps}
+    told |= {
+        "out": out,
+        "batch_size": batch,
+        "workers": workers,
+        "resume": resume,
+        "device": device,
+        "seed": seed,
+    }
+    columns = ("step", "before", "median", "within5", "within10", "focal")
+    _drawn_training("refinement", columns, told, json)
+
+
+def _drawn_training(name: str, columns: Sequence[str], told: dict[str, Any], json: bool) -> None:
+    """Train by ``cadpose.training.NAME.train`` on what is drawn from a library, and print what came of it."""
     from cadpose.training.architectures import TrainingOptions, training_module
 
-    trainer = training_module("cadpose.training.masks.train")
-    options = TrainingOptions(
-        out=out,
-        library=library,
-        backgrounds=backgrounds,
-        steps=steps,
-        batch_size=batch,
-        workers=workers,
-        resume=resume,
-        device=device,
-        seed=seed,
-    )
+    trainer = training_module(f"cadpose.training.{name}.train")
     with progress_bar("training", None) as bar:
         report = trainer.train(
-            options, lambda done, total: bar.update(bar.tasks[0].id, completed=done, total=total)
+            TrainingOptions(**told),
+            lambda done, total: bar.update(bar.tasks[0].id, completed=done, total=total),
         )
     if json:
-        told = {"network": str(report.network), "checkpoint": str(report.checkpoint)}
-        print_json({**told, "curves": str(report.curves), "validation": report.validation})
+        paths = {"network": str(report.network), "checkpoint": str(report.checkpoint)}
+        print_json({**paths, "curves": str(report.curves), "validation": report.validation})
         return
-    columns = ("step", "iou", "median", "over90")
-    print_table("masks", columns, [[_number(row.get(c)) for c in columns] for row in report.epochs])
+    print_table(name, columns, [[_number(row.get(c)) for c in columns] for row in report.epochs])
     typer.echo(f"Network: {report.network}")
 
 

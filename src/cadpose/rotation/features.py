@@ -87,7 +87,7 @@ def describe(encoder: Lite0, images: NDArray[np.uint8], alpha: NDArray[np.uint8]
     stride16 = encoder.stride16(images)
     maps = (stride16, encoder.stride32(stride16))
     return Described(
-        tuple(_standardised(m, level) for m, level in zip(maps, LEVELS, strict=True)),
+        tuple(standardised(m, level) for m, level in zip(maps, LEVELS, strict=True)),
         tuple(cell_cover(covered, level) for level in LEVELS),
     )
 
@@ -115,7 +115,8 @@ def cell_statistics() -> dict[str, tuple[NDArray[np.float32], NDArray[np.float32
     }
 
 
-def _standardised(maps: NDArray[np.float32], level: Level) -> NDArray[np.int8]:
+def standardised(maps: NDArray[np.float32], level: Level) -> NDArray[np.int8]:
+    """(N, C, side, side) maps of a level to (N, cells, C) values, standardised by channel, times STEPS."""
     n, c = maps.shape[:2]
     mean, spread = cell_statistics()[level.name]
     values = (maps.reshape(n, c, -1).transpose(0, 2, 1) - mean) * (np.float32(STEPS) / spread)

@@ -33,6 +33,7 @@ from cadpose.training.masks.crops import Crops, crops
 from cadpose.training.masks.export import export
 from cadpose.training.masks.network import MaskNetwork
 from cadpose.training.masks.stream import MaskedObjects, MaskStream
+from cadpose.training.ring import Ring
 
 CHECKPOINT, NETWORK = "checkpoint.pt", "masks.onnx"
 #: Flaws of photos and of detectors' boxes.
@@ -119,7 +120,7 @@ def train(options: TrainingOptions, on_step: OnStep, **numbers: Any) -> Training
     stream = MaskStream(drawn.train, first=photos)
     incoming = _loader(stream, options.workers or os.cpu_count() or 1)
     unseen = _unseen(drawn)
-    buffer = _Buffer(recipe.buffer, drawn.train.options.size, where)
+    buffer: Ring[MaskedObjects] = Ring(recipe.buffer, where)
     start, entered = time.monotonic(), 0
     model.train()
     while step < recipe.steps:
@@ -174,31 +175,6 @@ def _step(model: MaskNetwork, seen: Crops, optimiser: torch.optim.Optimizer) -> 
     torch.nn.utils.clip_grad_norm_(model.decoder.parameters(), 5.0)
     optimiser.step()
     return {"loss": lost.detach(), "quality": told.detach(), "iou": true.mean()}
-
-
-class _Buffer:
-    """The newest objects."""
-
-    def __init__(self, capacity: int, size: int, device: torch.device) -> None:
-        self.capacity, self.entered = capacity, 0
-        self.kept = MaskedObjects(
-            torch.empty((capacity, 3, size, size), dtype=torch.uint8, device=device),
-            torch.empty((capacity, size, size), dtype=torch.bool, device=device),
-            torch.empty((capacity, 4), device=device),
-        )
-
-    def add(self, chunk: MaskedObjects) -> None:
-        """Put a chunk in the place of the oldest objects."""
-        at = torch.arange(self.entered, self.entered + len(chunk)) % self.capacity
-        for kept, new in zip(self.kept.fields(), chunk.fields(), strict=True):
-            kept[at.to(kept.device)] = new.to(kept.device)
-        self.entered += len(chunk)
-
-    def draw(self, count: int, generator: torch.Generator) -> MaskedObjects:
-        """``count`` objects at random."""
-        filled = min(self.entered, self.capacity)
-        at = torch.randint(filled, (count,), generator=generator, device=self.kept.boxes.device)
-        return MaskedObjects(*(t[at] for t in self.kept.fields()))
 
 
 def _loader(stream: MaskStream, workers: int) -> Iterator[MaskedObjects]:

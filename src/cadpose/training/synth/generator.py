@@ -16,6 +16,7 @@ from cadpose.library.mesh import Mesh
 from cadpose.records import CadModel, Rotation
 from cadpose.rendering.lights import Lights
 from cadpose.rendering.raster import Rasteriser
+from cadpose.rendering.scene import Scene
 from cadpose.training.synth.backdrops import Backdrops
 from cadpose.training.synth.compose import cover, paste, relight, shade_ground
 from cadpose.training.synth.degrade import degraded
@@ -135,9 +136,17 @@ class SynthGenerator:
         Raises:
             KeyError: it is none of ``models``.
         """
-        scene, _ = self._scenes.of(self._by_id[cad])
+        scene, _ = self.scene(cad)
         camera = Cameras.framing(R_cv_from_s[None], scene.vertices.astype(np.float64), size=size)
         return np.asarray(self._plain.render_scene(scene, camera).over(255)[0], np.uint8)
+
+    def scene(self, cad: str) -> tuple[Scene, SymmetryGroup]:
+        """A model as the library has it, laid out for drawing, and the rotations that leave it as it looks.
+
+        Raises:
+            KeyError: it is none of ``models``.
+        """
+        return self._scenes.of(self._by_id[cad])
 
     def _weight(self, category: str) -> float:
         return float(self.options.weights.get(category, np.sqrt(sum(map(len, self._by_category[category])))))
