@@ -9,11 +9,11 @@ from cadpose.datasets.labels import Label, write_labels
 from cadpose.datasets.registry import KINDS, open_dataset
 from cadpose.errors import DependencyError, InputError
 from cadpose.library.class_map import CATEGORIES
-from tests.datasets.trees import imagenet3d_tree, objectnet3d_tree, pascal3d_tree, pix3d_tree
+from tests.datasets.trees import bop_tree, imagenet3d_tree, objectnet3d_tree, pascal3d_tree, pix3d_tree
 
 TREES = {
     "pascal3d": pascal3d_tree, "objectnet3d": objectnet3d_tree, "pix3d": pix3d_tree,
-    "imagenet3d": imagenet3d_tree,
+    "imagenet3d": imagenet3d_tree, "bop": bop_tree,
 }  # fmt: skip
 
 

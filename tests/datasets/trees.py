@@ -146,3 +146,36 @@ def imagenet3d_tree(root: Path, *poses: dict[str, Any]) -> Path:
         write_photo(root / "images" / "bed" / f"{name}.JPEG")
         write_npz(root / "annotations" / "bed" / f"{name}.npz", poses or [pose()])
     return root
+
+
+BOP_POSE: dict[str, Any] = {
+    "cam_R_m2c": [0.0, 0.6, 0.8, 1.0, 0.0, 0.0, 0.0, 0.8, -0.6],
+    "cam_t_m2c": [40.0, -10.0, 500.0],
+    "obj_id": 5,
+}
+
+
+def bop_tree(root: Path, **changes: Any) -> Path:
+    """A test photo with two objects, the second hardly visible, and a training photo with one."""
+    size = {f"size_{axis}": length for axis, length in zip("xyz", (100.0, 40.0, 60.0), strict=True)}
+    write_json(root / "models" / "models_info.json", {"5": {"diameter": 110.0, **size}})
+    seen = {"bbox_visib": [10, 20, 60, 40], "bbox_obj": [10, 20, 60, 40], "visib_fract": 1.0}
+    hidden = {"bbox_visib": [0, 0, 3, 3], "bbox_obj": [0, 0, 50, 50], "visib_fract": 0.01}
+    for split, scene, image, objects in (("test", 48, 1, [seen, hidden]), ("train_pbr", 0, 7, [seen])):
+        folder = root / split / f"{scene:06d}"
+        poses = [BOP_POSE | (changes if i == 0 else {}) for i in range(len(objects))]
+        write_json(folder / "scene_gt.json", {str(image): poses})
+        write_json(folder / "scene_gt_info.json", {str(image): objects})
+        K = [150.0, 0.0, 60.0, 0.0, 150.0, 40.0, 0.0, 0.0, 1.0]
+        write_json(folder / "scene_camera.json", {str(image): {"cam_K": K, "depth_scale": 0.1}})
+        write_photo(folder / "rgb" / f"{image:06d}.png")
+        mask = np.zeros((80, 120), np.uint8)
+        mask[20:60, 10:70] = 255
+        (folder / "mask_visib").mkdir()
+        Image.fromarray(mask).save(folder / "mask_visib" / f"{image:06d}_000000.png")
+    return root
+
+
+def write_json(path: Path, value: Any) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(value))

@@ -17,7 +17,7 @@ app = typer.Typer(help="Labelled photographs: published data sets as label files
 @app.command("convert")
 def convert(
     kind: Annotated[
-        Literal["pascal3d", "objectnet3d", "pix3d", "imagenet3d", "labels"],
+        Literal["pascal3d", "objectnet3d", "pix3d", "imagenet3d", "bop", "labels"],
         typer.Argument(help="Which data set it is; labels: a label file."),
     ],
     root: Annotated[Path, typer.Argument(help="The data set's folder, or the label file.")],

@@ -69,6 +69,11 @@ class Label:
         difficult: The data set's authors advise not to use it.
         source: The data set, for example ``"pascal3d"``.
         synthetic: The photo was drawn, not taken.
+        cad_path: The data set's own file of that model, if it has one.
+        cad_axes: Where front and top of that file point, ``("+y", "+z")``; None for ShapeNet's, front -z and
+            top +y. ``R_cv_from_s`` is of the model turned to ShapeNet's axes.
+        cad_diagonal: Length of its bounding box's diagonal in the file's unit, if told: ``t_cv`` over it is
+            in diagonals, the library's unit.
 
     Raises:
         ValueError: an angle, focal length, matrix or vector is not one.
@@ -92,6 +97,9 @@ class Label:
     difficult: bool = False
     source: str | None = None
     synthetic: bool = False
+    cad_path: Path | None = None
+    cad_axes: tuple[str, str] | None = None
+    cad_diagonal: float | None = None
 
     def __post_init__(self) -> None:
         _ = self.rotation
@@ -105,6 +113,8 @@ class Label:
         if self.R_cv_from_s is not None:
             # Clipped, for huge numbers would overflow into one that compares with nothing.
             require_rotation(np.clip(self.R_cv_from_s, -10.0, 10.0), "R", ROTATION_TOLERANCE)
+        if self.cad_diagonal is not None and not 0.0 < self.cad_diagonal < np.inf:
+            raise ValueError(f"the model's diagonal {self.cad_diagonal} must be above 0")
         if self.t_cv is not None and not (len(self.t_cv) == 3 and np.isfinite(self.t_cv).all()):
             raise ValueError("t must hold 3 finite numbers")
 

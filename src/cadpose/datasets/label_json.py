@@ -54,6 +54,9 @@ def label_from_entry(entry: Any, where: str, folder: Path) -> Label:
             category=library_category(entry["category"]),
             box=_box(entry.get("box")),
             cad=entry.get("cad"),
+            cad_path=_path(entry, "model", folder),
+            cad_axes=_axes(entry.get("model_axes")),
+            cad_diagonal=_length(entry, "model_diagonal"),
             azimuth=_degrees(entry, "azimuth"),
             elevation=_degrees(entry, "elevation"),
             inplane=_degrees(entry, "inplane"),
@@ -88,6 +91,9 @@ def entry_from_label(label: Label, relative: Callable[[Path], str]) -> dict[str,
         "category": label.category,
         "box": None if label.box is None else list(label.box.to_tuple()),
         "cad": label.cad,
+        "model": None if label.cad_path is None else relative(label.cad_path),
+        "model_axes": label.cad_axes,
+        "model_diagonal": label.cad_diagonal,
         "azimuth": label.azimuth,
         "elevation": label.elevation,
         "inplane": label.inplane,
@@ -109,6 +115,28 @@ def _degrees(entry: dict[str, Any], key: str) -> float | None:
     if not _is_number(value):
         raise ValueError(f"{key} must be a number of degrees")
     return float(value)
+
+
+def _path(entry: dict[str, Any], key: str, folder: Path) -> Path | None:
+    value = entry.get(key)
+    if value is not None and not _is_name(value):
+        raise ValueError(f"{key} must be a path")
+    return folder / value if value else None
+
+
+def _axes(value: Any) -> tuple[str, str] | None:
+    if value is None:
+        return None
+    if not (isinstance(value, list) and len(value) == 2 and all(_is_name(v) for v in value)):
+        raise ValueError('model_axes must be front and top, ["+y", "+z"]')
+    return value[0], value[1]
+
+
+def _length(entry: dict[str, Any], key: str) -> float | None:
+    value = entry.get(key)
+    if value is not None and not _is_number(value):
+        raise ValueError(f"{key} must be a number")
+    return None if value is None else float(value)
 
 
 def _box(corners: Any) -> Box | None:

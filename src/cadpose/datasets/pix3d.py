@@ -94,6 +94,7 @@ def _label(entry: dict[str, Any], file: Path) -> Label:
         category=category_of(category),
         box=box,
         cad=f"pix3d/{model}",
+        cad_path=inside(root, model, file),
         azimuth=rotation.azimuth,
         elevation=rotation.elevation,
         inplane=rotation.inplane,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from cadpose.datasets.bop import bop
 from cadpose.datasets.dataset import DataSet, is_published_test
 from cadpose.datasets.imagenet3d import imagenet3d
 from cadpose.datasets.labels import read_labels
@@ -41,6 +42,7 @@ KINDS: dict[str, Callable[[Path, str | None, bool], DataSet]] = {
     "objectnet3d": objectnet3d,
     "pix3d": pix3d,
     "imagenet3d": imagenet3d,
+    "bop": bop,
     "labels": label_file,
 }
 

@@ -18,6 +18,7 @@ from cadpose.rle import MAX_PIXELS
 MAX_BYTES = 16 * 2**20
 _HEAD_BITS = 32 + 5 + 4 * 4
 _BITS = 8  # of a value
+_SIZES = (3, 4, 8, 16)  # of the four kinds of counts, when written
 
 
 def decode_brush(stream: bytes, width: int, height: int) -> Mask:
@@ -58,6 +59,31 @@ def decode_brush(stream: bytes, width: int, height: int) -> Mask:
         values[done:end] = bits.read(_BITS) if repeats else bits.values(end - done)
         done = end
     return np.ascontiguousarray(values.reshape(height, width, 4)[..., 3] >= 128)
+
+
+def encode_brush(mask: Mask) -> bytes:
+    """The stream of a mask as Label Studio packs it: 255 in all four channels on the object.
+
+    Args:
+        mask: (height, width) bool.
+
+    Returns:
+        What ``value.rle`` lists; `decode_brush` gives the mask back.
+    """
+    flat = np.asarray(mask, np.bool_).ravel()
+    starts = np.concatenate([[0], np.flatnonzero(flat[1:] != flat[:-1]) + 1])
+    runs = np.diff(np.concatenate([starts, [len(flat)]])) * 4
+    pieces = [f"{4 * len(flat):032b}{_BITS - 1:05b}", *(f"{size - 1:04b}" for size in _SIZES)]
+    for first, run in zip(starts.tolist(), runs.tolist(), strict=True):
+        value = "11111111" if flat[first] else "00000000"
+        while run > 0:
+            count = min(run, 1 << _SIZES[-1])
+            kind = next(i for i, size in enumerate(_SIZES) if count <= 1 << size)
+            pieces.append(f"1{kind:02b}{count - 1:0{_SIZES[kind]}b}{value}")
+            run -= count
+    bits = "".join(pieces)
+    bits += "0" * (-len(bits) % 8)
+    return int(bits, 2).to_bytes(len(bits) // 8, "big")
 
 
 class _Bits:

@@ -1,7 +1,8 @@
 """Detections from Label Studio's JSON export: rectangles, polygons and brush masks.
 
 The file lists tasks; each names its photo in ``data`` and holds ``annotations`` with ``result``, the regions.
-Places are percent of the photo's width and height. A rectangle is turned about its own upper left corner,
+Places are percent of the photo's width and height. A polygon or brush whose parent is a rectangle of the same
+answer is that object's mask and no object of its own. A rectangle is turned about its own upper left corner,
 ``rotation`` degrees clockwise; its upright box around the four corners is taken. Uploaded photos are called
 ``/data/upload/PROJECT/HASH-name.jpg``: the eight digits before the name are Label Studio's.
 """
@@ -11,7 +12,7 @@ from __future__ import annotations
 import logging
 import re
 from codecs import BOM_UTF8
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import parse_qs, unquote, urlsplit
@@ -46,6 +47,8 @@ class _Model(BaseModel):
 
 
 class _Region(_Model):
+    id: str = ""
+    parent: Annotated[str | None, Field(alias="parentID")] = None
     type: str = ""
     value: dict[str, Any] = {}
     original_width: _Side | None = None
@@ -133,6 +136,12 @@ class LabelStudioDetector:
         i, task = found
         work = _answer(task)
         regions = [(r, word) for r in (work.result if work else None) or () if (word := _label(r.value))]
+        boxes = {r.id for r, _ in regions if r.id and _shape(r.value) == "rectangle"}
+        masks: dict[str, list[_Region]] = {}
+        for region, _ in regions:
+            if region.parent in boxes and _shape(region.value) in ("polygon", "brush mask"):
+                masks.setdefault(str(region.parent), []).append(region)
+        regions = [(r, word) for r, word in regions if r not in masks.get(str(r.parent), ())]
         wanted = [(r, word) for r, word in regions if is_wanted(word, self.categories)]
         unread = [r for r, _ in wanted if not _shape(r.value)]
         if unread:
@@ -143,8 +152,9 @@ class LabelStudioDetector:
                 unread[0].type or "unknown",
             )
         shaped = [(r, word) for r, word in wanted if _shape(r.value)]
-        check_room(self.path, sum(_shape(r.value) != "rectangle" for r, _ in shaped), photo)
-        told = [self._detection(i, region, word, photo, work) for region, word in shaped]
+        masked = sum(_shape(r.value) != "rectangle" or r.id in masks for r, _ in shaped)
+        check_room(self.path, masked, photo)
+        told = [self._detection(i, r, word, photo, work, masks.get(r.id, ())) for r, word in shaped]
         return sorted(told, key=lambda d: -d.score)
 
     def knows(self, photo_name: str) -> bool:
@@ -159,7 +169,32 @@ class LabelStudioDetector:
             or self._plain.find(_upload_spelling(photo_name))
         )
 
-    def _detection(self, i: int, region: _Region, word: str, photo: Photo, work: _Work | None) -> Detection:
+    def _detection(
+        self,
+        i: int,
+        region: _Region,
+        word: str,
+        photo: Photo,
+        work: _Work | None,
+        masks: Sequence[_Region] = (),
+    ) -> Detection:
+        box, mask = self._placed(i, region, photo)
+        drawn = [m for m in (self._placed(i, r, photo)[1] for r in masks) if m is not None]
+        if drawn:
+            mask = np.logical_or.reduce(drawn)
+        score = region.score
+        if score is None and work is not None:
+            score = work.score
+        return Detection(
+            box=box,
+            category=library_category(word),
+            score=1.0 if score is None or not 0.0 <= score <= 1.0 else score,
+            mask=mask,
+            source="file",
+        )
+
+    def _placed(self, i: int, region: _Region, photo: Photo) -> tuple[Box, Mask | None]:
+        """Box within the photo, and mask."""
         told = (region.original_width or photo.width, region.original_height or photo.height)
         if told != (photo.width, photo.height):
             raise self._error(
@@ -183,16 +218,7 @@ class LabelStudioDetector:
         clipped = box.clipped(photo.width, photo.height)
         if clipped is None:
             raise self._error(i, f"has a {shape} outside its photo")
-        score = region.score
-        if score is None and work is not None:
-            score = work.score
-        return Detection(
-            box=clipped,
-            category=library_category(word),
-            score=1.0 if score is None or not 0.0 <= score <= 1.0 else score,
-            mask=mask,
-            source="file",
-        )
+        return clipped, mask
 
     def _error(self, i: int, what: str) -> InputError:
         return InputError(f"{self.path}: task {i} {what}.")
