@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import io
 import json
 import math
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import pytest
 import trimesh
 
 from cadpose.annotations.document import document_from
-from cadpose.annotations.scenes.glb import header_of
+from cadpose.annotations.scenes.glb import read_header
 from cadpose.annotations.scenes.gltf import read_gltf_scene, write_gltf_scene
 from cadpose.annotations.scenes.layout import SceneCamera
 from cadpose.errors import CadposeError, InputError, LibraryError
@@ -18,6 +20,10 @@ from cadpose.library.loading import load_mesh_file
 from cadpose.records import Photo
 from tests.annotations.factory import make_photo
 from tests.annotations.scenes.made import SHELF, Shelf, annotated, block, street
+
+
+def header_of(data: bytes) -> dict[str, Any]:
+    return read_header(io.BytesIO(data), len(data))
 
 
 def written(tmp_path: Path, **options: Any) -> tuple[Path, dict[str, Any]]:
@@ -172,7 +178,17 @@ def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "data",
-    [b"", b"glTF", b"x" * 100, b"glTF" + b"\x02\0\0\0" + b"\xff" * 100, b"\x89PNG" + bytes(60)],
+    [
+        b"",
+        b"glTF",
+        b"x" * 100,
+        b"\x89PNG" + bytes(60),
+        struct.pack("<5I", 0x46546C67, 2, 100, 0xFFFFFFF0, 0x4E4F534A) + b" " * 80,
+        struct.pack("<5I", 0x46546C67, 2, 100, 90, 0x4E4F534A) + b" " * 80,
+        struct.pack("<5I", 0x46546C67, 2, 100, 80, 0x4E4F534A) + b"[" * 80,
+        struct.pack("<5I", 0x46546C67, 2, 100, 2, 0x4E4F534A) + b"[]",
+        struct.pack("<5I", 0x46546C67, 1, 100, 2, 0x4E4F534A) + b"{}",
+    ],
 )
 def test_what_is_no_scene_is_refused(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "wrong.glb"

@@ -10,7 +10,7 @@ import pytest
 
 from cadpose.annotations.document import document_from
 from cadpose.annotations.scenes.usd import read_usd_scene, write_usd_scene
-from cadpose.errors import DependencyError, InputError, LibraryError
+from cadpose.errors import CadposeError, DependencyError, InputError, LibraryError
 from cadpose.geometry.frames import FloatArray
 from tests.annotations.factory import make_photo
 from tests.annotations.scenes.made import BLOCK, POSES, SHELF, Shelf, annotated, street
@@ -156,6 +156,16 @@ def test_a_model_that_is_gone_leaves_no_file(tmp_path: Path) -> None:
     with pytest.raises(LibraryError, match="There is no CAD model"):
         write_usd_scene(document, Shelf({}), photo, tmp_path / "scene.usdz")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_place_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    photo, document = street()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(CadposeError, match="cannot write"):
+        write_usd_scene(document, SHELF, photo, tmp_path / "file" / "scene.usdz")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
+    with pytest.raises(CadposeError, match=r"cannot put .*scene\.usdz together in .*gone: No such file"):
+        write_usd_scene(document, SHELF, photo, tmp_path / "scene.usdz")
 
 
 def test_without_usd_core_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

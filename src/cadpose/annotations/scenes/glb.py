@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,19 +84,29 @@ class GlbBuilder:
         )
 
 
-def header_of(data: bytes) -> dict[str, Any]:
-    """The JSON header of a .glb file's bytes.
+def read_header(file: BinaryIO, most: int) -> dict[str, Any]:
+    """The JSON header of an opened .glb file, without its geometry.
+
+    Args:
+        file: At its beginning.
+        most: Longest header in bytes that is read.
 
     Raises:
-        ValueError: it is none, or its header is damaged.
+        ValueError: it is no such file, or its header is damaged or longer.
     """
-    if len(data) < 20:
+    start = file.read(20)
+    if len(start) < 20:
         raise ValueError("it is too short")
-    magic, version, _, size, kind = struct.unpack("<5I", data[:20])
-    if (magic, version, kind) != (_MAGIC, 2, _JSON) or 20 + size > len(data):
-        raise ValueError("it is no whole binary glTF 2.0 file")
+    magic, version, _, size, kind = struct.unpack("<5I", start)
+    if (magic, version, kind) != (_MAGIC, 2, _JSON):
+        raise ValueError("it is no binary glTF 2.0 file")
+    if size > most:
+        raise ValueError(f"its header of {size} bytes is longer than {most}")
+    text = file.read(size)
+    if len(text) < size:
+        raise ValueError("it is cut off")
     try:
-        header = json.loads(data[20 : 20 + size])
+        header = json.loads(text)
     except RecursionError:
         raise ValueError("its header is nested too deep") from None
     if not isinstance(header, dict):

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from cadpose.annotations.document import AnnotationDocument
+from cadpose.annotations.document import MAX_CHARACTERS, AnnotationDocument
 from cadpose.annotations.files import write_atomic
 from cadpose.annotations.scenes.contents import Meshes, SceneContents, gather
 from cadpose.annotations.scenes.extras import GENERATOR, KEY, credits, model_extras, photo_title, unit_told
-from cadpose.annotations.scenes.glb import GlbBuilder, header_of
+from cadpose.annotations.scenes.glb import GlbBuilder, read_header
 from cadpose.annotations.scenes.layout import PlacedModel, Placement, turns_and_scales
 from cadpose.annotations.scenes.pieces import Piece
 from cadpose.annotations.scenes.shades import lamps, linear_from_srgb
@@ -62,7 +62,8 @@ def read_gltf_scene(path: str | os.PathLike[str]) -> AnnotationDocument:
         InputError: it is no such file, or the document in it is not valid.
     """
     try:
-        header = header_of(Path(path).read_bytes())
+        with Path(path).open("rb") as file:
+            header = read_header(file, 2 * MAX_CHARACTERS)
         told = header["scenes"][header.get("scene", 0)]["extras"][KEY]
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None

@@ -20,7 +20,7 @@ from cadpose.annotations.scenes.extras import GENERATOR, KEY, credits, model_ext
 from cadpose.annotations.scenes.layout import PlacedModel, Placement, turns_and_scales
 from cadpose.annotations.scenes.pieces import Piece
 from cadpose.annotations.scenes.shades import lamps, linear_from_srgb
-from cadpose.errors import DependencyError, InputError
+from cadpose.errors import CadposeError, DependencyError, InputError
 from cadpose.geometry.frames import FloatArray
 from cadpose.library.textures import encode_texture
 from cadpose.records import Photo
@@ -55,10 +55,16 @@ def write_usd_scene(
         CadposeError: the file cannot be written.
     """
     _require_usd()
+    from pxr import Tf
+
     contents = gather(document, library, photo, placement, centred=False)
-    with tempfile.TemporaryDirectory(prefix="cadpose-usd-") as folder:
-        package = _Writer(contents, Path(folder)).package()
-        write_atomic(path, package.read_bytes())
+    try:
+        with tempfile.TemporaryDirectory(prefix="cadpose-usd-") as folder:
+            packed = _Writer(contents, Path(folder)).package().read_bytes()
+    except (OSError, Tf.ErrorException) as error:
+        reason = getattr(error, "strerror", None) or str(error).strip().splitlines()[-1]
+        raise CadposeError(f"cannot put {path} together in {tempfile.gettempdir()}: {reason}") from None
+    write_atomic(path, packed)
 
 
 def read_usd_scene(path: str | os.PathLike[str]) -> AnnotationDocument:
