@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cadpose.batch.run import PhotoOutcome, annotate_photos
+from cadpose.annotations.store import Store
+from cadpose.batch.outcome import PhotoOutcome
+from cadpose.batch.run import annotate_photos
+from cadpose.batch.worker import PhotoWorker
+from cadpose.errors import DependencyError
 from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
 from cadpose.pipeline import Annotator
@@ -86,3 +94,72 @@ def files(folder: Path) -> dict[str, bytes]:
 
 def annotate_all(annotator: Annotator, photos: list[Path], out: Path, **kwargs: object) -> list[PhotoOutcome]:
     return list(annotate_photos(annotator, photos, out, **kwargs))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class FakeJob:
+    """A job with the fake annotator, whose photos may do anything to the worker that holds them.
+
+    Attributes:
+        library: Its folder.
+        tricks: File name of a photo to what it does: ``"kill"`` and ``"exit"`` end the process, ``"hang"``
+            never ends, ``"once"`` kills the first process that holds it, ``"weights"`` says that weights are
+            missing, ``"fail"`` raises.
+        folder: Where ``"once"`` notes that it was done, and ``stillborn`` who died.
+        store: URL of the store.
+        stillborn: So many workers die before they are ready.
+        seconds: How long a photo takes at least.
+    """
+
+    library: Path
+    tricks: tuple[tuple[str, str], ...] = ()
+    folder: Path = Path()
+    store: str | None = None
+    stillborn: int = 0
+    seconds: float = 0.0
+
+    def open(self) -> PhotoWorker:
+        """A worker; the process dies instead where that was asked for."""
+        for number in range(self.stillborn):
+            try:
+                (self.folder / f"stillborn-{number}").touch(exist_ok=False)
+            except FileExistsError:
+                continue
+            os.kill(os.getpid(), signal.SIGKILL)
+        annotator = fake_annotator(
+            self.library, detector=_Tricky(dict(self.tricks), self.folder, self.seconds)
+        )
+        return PhotoWorker(annotator, store=self.open_store())
+
+    def open_store(self) -> Store | None:
+        """The store alone."""
+        return None if self.store is None else Store(self.store)
+
+
+class _Tricky(FakeDetector):
+    def __init__(self, tricks: dict[str, str], folder: Path, seconds: float) -> None:
+        super().__init__()
+        self.tricks, self.folder, self.seconds = tricks, folder, seconds
+
+    def detect(self, photo: Photo) -> list[Detection]:
+        time.sleep(self.seconds)
+        name = Path(photo.name).name
+        with (self.folder / "seen.txt").open("a") as seen:
+            seen.write(f"{name} {os.getpid()}\n")
+        trick = self.tricks.get(name)
+        if trick == "once":
+            try:
+                (self.folder / f"once-{name}").touch(exist_ok=False)
+            except FileExistsError:
+                trick = None
+        if trick in ("kill", "once"):
+            os.kill(os.getpid(), signal.SIGKILL)
+        elif trick == "exit":
+            os._exit(3)
+        elif trick == "hang":
+            time.sleep(1000)
+        elif trick == "weights":
+            raise DependencyError("the weights are missing")
+        elif trick == "fail":
+            raise ValueError("odd")
+        return super().detect(photo)

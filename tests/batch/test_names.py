@@ -18,7 +18,7 @@ def test_photos_of_one_stem_do_not_collide(annotator: Annotator, tmp_path: Path)
         for i, name in enumerate(("x/car.png", "y/car.png", "y/CAR.jpg", "bus.png"))
     ]
     outcomes = annotate_all(annotator, photos, tmp_path / "out")
-    assert len({p for o in outcomes for p in o.paths.all()}) == 16
+    assert len({p for o in outcomes for p in o.paths.all()}) == 24
     for outcome in outcomes:
         document = AnnotationDocument.from_json(outcome.paths.json.read_text())
         assert document.photo.name == str(outcome.photo)
@@ -32,12 +32,13 @@ def test_a_later_run_spares_the_outputs_of_another_photo_of_that_stem(
     first, second = (picture(tmp_path / folder / "car.png", i) for i, folder in enumerate("ab"))
     annotate_all(annotator, [first], out)
     before = files(out)
-    del before["index.html"]
+    for name in ("index.html", "report.html", "journal.jsonl"):
+        del before[name]
     (outcome,) = annotate_all(annotator, [second], out)
     assert outcome.paths.json.name.startswith("car-") and outcome.document is not None
     assert outcome.document.photo.name == str(second)
     after = files(out)
-    assert {name: after[name] for name in before} == before and len(after) == 9
+    assert {name: after[name] for name in before} == before and len(after) == 13
     # Each is found again, and is replaced when it has changed itself.
     for photo, paths in ((first, out / "car.json"), (second, outcome.paths.json)):
         (again,) = annotate_all(annotator, [photo], out, resume=True)
@@ -45,7 +46,7 @@ def test_a_later_run_spares_the_outputs_of_another_photo_of_that_stem(
         picture(photo, 50 + (photo == first))
         (again,) = annotate_all(annotator, [photo], out, resume=True)
         assert not again.resumed and again.paths.json == paths
-    assert len(files(out)) == 9
+    assert len(files(out)) == 13
 
 
 def test_a_photo_that_has_moved_keeps_its_outputs(annotator: Annotator, tmp_path: Path) -> None:
@@ -85,9 +86,10 @@ def test_no_other_way_to_a_photo_hides_it(annotator: Annotator, tmp_path: Path, 
     assert files(tmp_path) == before
 
 
-def test_the_index_spares_a_photo_of_its_name(annotator: Annotator, tmp_path: Path) -> None:
-    photo = picture(tmp_path / "index.png").rename(tmp_path / "index.html")
-    with pytest.raises(InputError, match=r"index\.html is one of the photos"):
+@pytest.mark.parametrize("name", ["index.html", "report.html", "journal.jsonl"])
+def test_the_run_spares_a_photo_of_its_files_names(annotator: Annotator, tmp_path: Path, name: str) -> None:
+    photo = picture(tmp_path / "index.png").rename(tmp_path / name)
+    with pytest.raises(InputError, match=rf"{name} is one of the photos"):
         annotate_all(annotator, [photo], tmp_path)
 
 
@@ -95,4 +97,13 @@ def test_outputs_beside_the_photos(annotator: Annotator, photos: list[Path]) -> 
     before = files(photos[0].parent)
     annotate_all(annotator, photos, photos[0].parent)
     after = files(photos[0].parent)
-    assert {name: after[name] for name in before} == before and len(after) == 3 + 13
+    assert {name: after[name] for name in before} == before and len(after) == 3 + 18
+
+
+def test_no_document_takes_the_place_of_a_failure(annotator: Annotator, tmp_path: Path) -> None:
+    """The document of car.failed.png would be car.failed.json, where car.png says why it failed."""
+    photos = [picture(tmp_path / "in" / name, i) for i, name in enumerate(("car.png", "car.failed.png"))]
+    photos[0].write_bytes(b"no picture")
+    failed, done = annotate_all(annotator, photos, tmp_path / "out")
+    assert failed.paths.failed.name == "car.failed.json" and failed.paths.failed.is_file()
+    assert done.paths.json.name.startswith("car.failed-") and done.document is not None

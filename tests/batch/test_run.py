@@ -36,10 +36,12 @@ def test_every_output_is_written_and_whole(annotator: Annotator, photos: list[Pa
         assert outcome.document.photo.sha256 == hashlib.sha256(outcome.photo.read_bytes()).hexdigest()
         for path in (outcome.paths.overlay, outcome.paths.candidates):
             Image.open(path).load()
+        with Image.open(outcome.paths.thumbnail) as small:
+            assert max(small.size) <= 320
         assert outcome.paths.card.read_text().endswith("</html>\n")
     index = (out / "index.html").read_text()
     assert all(f'{name}.card.html"' in index for name in "abc")
-    assert len(files(out)) == 13
+    assert len(files(out)) == 18
 
 
 def test_the_document_comes_last(
@@ -57,7 +59,7 @@ def test_the_document_comes_last(
 
     monkeypatch.setattr(outputs, "write_atomic", spy)
     annotate_all(annotator, photos[:1], tmp_path / "out")
-    assert written == ["a.overlay.png", "a.candidates.png", "a.card.html", "a.json"]
+    assert written == ["a.overlay.png", "a.candidates.png", "a.card.html", "a.jpg", "a.json"]
 
 
 def test_a_photo_that_fails_does_not_stop_the_others(
@@ -67,7 +69,7 @@ def test_a_photo_that_fails_does_not_stop_the_others(
     first, second, third = annotate_all(annotator, photos, tmp_path / "out")
     assert first.document is not None and third.document is not None
     assert second.document is None and str(photos[1]) in second.error
-    assert not any(p.exists() for p in second.paths.all())
+    assert [p for p in second.paths.all() if p.exists()] == [second.paths.failed]
     index = (tmp_path / "out" / "index.html").read_text()
     assert "a.card.html" in index and "c.card.html" in index and "b.card.html" not in index
 
@@ -125,7 +127,7 @@ def test_a_photo_without_objects_is_done_too(
 ) -> None:
     (outcome,) = annotate_all(annotator, photos[:1], tmp_path / "out", detections=lambda photo: [])
     assert outcome.document is not None and not outcome.document.annotations
-    assert all(p.is_file() for p in outcome.paths.all())
+    assert all(p.is_file() for p in outcome.paths.results())
 
 
 # -- resume ----------------------------------------------------------------------------------------
@@ -140,7 +142,9 @@ def test_resume_leaves_finished_photos_alone(
     again = annotate_all(annotator, photos, out, resume=True)
     assert all(o.resumed for o in again)
     assert [o.document for o in again] == [o.document for o in first]
-    assert files(out) == before, "the index too is the same"
+    after = files(out)
+    assert b"nothing left to do" in after.pop("report.html") and before.pop("report.html")
+    assert after == before, "the index too is the same"
     detector = annotator.detector
     assert isinstance(detector, FakeDetector) and len(detector.seen) == 3
     assert not any(o.resumed for o in annotate_all(annotator, photos, out))
@@ -172,7 +176,7 @@ def test_resume_does_again_what_is_not_whole(
     spoil(photos[0], first[0].paths)
     again = annotate_all(annotator, photos[:2], out, resume=True)
     assert [o.resumed for o in again] == [False, True]
-    assert all(p.is_file() for p in again[0].paths.all())
+    assert all(p.is_file() for p in again[0].paths.results())
     assert again[0].document is not None
     assert again[0].document.photo.sha256 == hashlib.sha256(photos[0].read_bytes()).hexdigest()
 
@@ -298,8 +302,8 @@ for k in map(int, moments):
 def test_a_killed_process_leaves_whole_files_only(
     annotator: Annotator, small_library: Library, photos: list[Path], tmp_path: Path
 ) -> None:
-    """SIGKILL at a flush to the disk: each of the 13 files flushes itself, moves, flushes its folder."""
-    moments = [str(k) for k in (1, 3, 6, 7, 8, 13, 25)]
+    """SIGKILL at a flush to the disk: each of the 17 files flushes itself, moves, flushes its folder."""
+    moments = [str(k) for k in (1, 3, 6, 8, 9, 10, 13, 31)]
     arguments = [str(small_library.path), str(photos[0].parent), str(tmp_path / "killed")]
     done = subprocess.run(
         [sys.executable, "-c", KILLED, *arguments, *moments],
@@ -315,22 +319,25 @@ def test_a_killed_process_leaves_whole_files_only(
     for k in moments:
         out = tmp_path / "killed" / k
         found = files(out)
-        hidden = {name for name in found if name.startswith(".cadpose-") and name.endswith(".part")}
+        hidden = {name for name in found if ".cadpose-" in name and name.endswith(".part")}
         assert len(hidden) <= 1 and set(found) - hidden <= names
         for name in set(found) - hidden:
-            if name.endswith(".png"):
+            if name.endswith((".png", ".jpg")):
                 Image.open(out / name).load()
             elif name.endswith(".html"):
                 assert found[name].endswith(b"</html>\n")
+            elif name == "journal.jsonl":
+                assert found[name].endswith(b"}\n")
             else:
                 assert json.loads(found[name])["schema"] == "cadpose.annotation/1"
                 stem = name.removesuffix(".json")
-                assert {f"{stem}.overlay.png", f"{stem}.candidates.png", f"{stem}.card.html"} <= set(found)
+                drawn = {f"{stem}.overlay.png", f"{stem}.candidates.png", f"{stem}.card.html"}
+                assert {*drawn, f"thumbnails/{stem}.jpg"} <= set(found)
     # The next run takes up where the killed one was.
     out = tmp_path / "killed" / "13"
     again = annotate_all(annotator, photos, out, resume=True)
     assert [o.resumed for o in again] == [True, False, False]
-    assert {n for n in files(out) if not n.startswith(".")} == names
+    assert {n for n in files(out) if ".cadpose-" not in n} == names
 
 
 def test_swept_folders_may_be_shared(tmp_path: Path) -> None:

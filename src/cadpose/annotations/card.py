@@ -1,4 +1,4 @@
-"""One self-contained HTML page a photo, and a gallery of a run: no script, nothing loaded from elsewhere.
+"""One self-contained HTML page a photo: no script, nothing loaded from elsewhere.
 
 Names of photos and CAD models are whatever their authors wrote, so every text is escaped, and the pages'
 own Content-Security-Policy forbids everything but inline styles and inlined pictures.
@@ -6,11 +6,7 @@ own Content-Security-Policy forbids everything but inline styles and inlined pic
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from html import escape
-from pathlib import PurePosixPath
-from urllib.parse import quote
+from collections.abc import Sequence
 
 from PIL import Image
 
@@ -23,7 +19,6 @@ from cadpose.annotations.style import (
     category_text,
     colour_of,
     flags_of,
-    jpeg_bytes,
     object_crop,
     png_bytes,
     short,
@@ -34,28 +29,6 @@ from cadpose.geometry.boxes import Box
 from cadpose.records import Photo, Views
 
 _TILE = 176
-
-
-@dataclass(frozen=True, eq=False)
-class GalleryEntry:
-    """A photo's place in the gallery.
-
-    Attributes:
-        document: What was found in it.
-        card: File name of its card, beside the gallery page.
-        thumbnail: JPEG, from ``gallery_entry``.
-    """
-
-    document: AnnotationDocument
-    card: str
-    thumbnail: bytes
-
-
-def gallery_entry(document: AnnotationDocument, card: str, overlay: Image.Image) -> GalleryEntry:
-    """Keep a small picture of the overlay for ``index_html``."""
-    small = overlay.convert("RGB")
-    small.thumbnail((400, 300), Image.Resampling.LANCZOS)
-    return GalleryEntry(document, PurePosixPath(card).name, jpeg_bytes(small, quality=80))
 
 
 def card_html(
@@ -88,31 +61,6 @@ def card_html(
         body.extend(_failure(failure) for failure in document.failures)
         body.append("</dl>")
     return page(document.photo.name, "\n".join(body))
-
-
-def index_html(cards: Iterable[GalleryEntry], title: str = "cadpose") -> str:
-    """The gallery page of a run; each entry links to the card that lies beside it."""
-    tiles = []
-    total = annotated = 0
-    for entry in cards:
-        total += 1
-        parts = entry.document.annotations
-        annotated += len(parts)
-        models = " · ".join(f"{part.detection.category}: {short(part.cad.name, 40)}" for part in parts)
-        doubtful = any(_flagged(part) for part in parts)
-        flag = '<span class="flag">needs review</span>' if doubtful else ""
-        tiles.append(
-            f'<a href="{escape(quote("./" + entry.card), quote=True)}"><figure>'
-            f'<div class="tile"><img alt="" src="{data_uri("jpeg", entry.thumbnail)}"></div>'
-            f"<figcaption>{text(PurePosixPath(entry.document.photo.name).name)}{flag}"
-            f"<span>{text(models) if models else 'no object was annotated'}</span></figcaption></figure></a>"
-        )
-    body = (
-        f"<h1>{text(title)}</h1>"
-        f'<p class="faint">{_count(total, "photo")}, {_count(annotated, "object")} annotated</p>'
-        f'<div class="gallery">{"".join(tiles)}</div>'
-    )
-    return page(title, body)
 
 
 def _object(photo: Photo, part: AnnotationPart, views: Views, number: int) -> str:

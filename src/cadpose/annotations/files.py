@@ -83,16 +83,33 @@ class OutputPaths:
         overlay: The photo with its models drawn over it.
         candidates: The candidate strips.
         card: One HTML page with all of it.
+        thumbnail: The overlay made small, for the pages of the run.
+        failed: Why the photo failed, in place of all the others.
     """
 
     json: Path
     overlay: Path
     candidates: Path
     card: Path
+    thumbnail: Path
+    failed: Path
+
+    @property
+    def stem(self) -> str:
+        """What the names of all of them begin with."""
+        return self.json.name.removesuffix(".json")
+
+    def pictures(self) -> tuple[Path, ...]:
+        """What is drawn, in the order in which it is written; the document follows."""
+        return self.overlay, self.candidates, self.card, self.thumbnail
+
+    def results(self) -> tuple[Path, ...]:
+        """The document and the pictures: what a photo that is done has."""
+        return self.json, *self.pictures()
 
     def all(self) -> tuple[Path, ...]:
         """Every one of them."""
-        return self.json, self.overlay, self.candidates, self.card
+        return *self.results(), self.failed
 
 
 def output_paths(
@@ -104,7 +121,8 @@ def output_paths(
 
     A photo keeps its stem (``a/car.jpg`` gives ``car.json``). Photos of the run whose stems agree, upper
     and lower case being the same, get eight digits of their path's SHA-256 as well, so the names depend
-    on the set of photos but not on its order. The same path given twice gets the same outputs.
+    on the set of photos but not on its order; so does one whose document would have the name of another's
+    ``failed``. The same path given twice gets the same outputs.
 
     Args:
         photos: Their paths.
@@ -121,6 +139,7 @@ def output_paths(
         name
         for name, photo in given.items()
         if shared[(stem := _safe_stem(name)).casefold()] > 1
+        or stem.casefold().endswith(".failed")
         or belongs_to_another(photo, out / f"{stem}.json")
     }
     chosen: dict[str, str] = {}
@@ -141,6 +160,8 @@ def output_paths(
             overlay=out / f"{stem}.overlay.png",
             candidates=out / f"{stem}.candidates.png",
             card=out / f"{stem}.card.html",
+            thumbnail=out / "thumbnails" / f"{stem}.jpg",
+            failed=out / f"{stem}.failed.json",
         )
         for stem in (chosen[name] for name in names)
     ]

@@ -1,4 +1,4 @@
-"""The frame of every HTML page that cadpose writes: no script, nothing loaded from elsewhere."""
+"""The frame of every HTML page that cadpose writes: no script, nothing loaded from the network."""
 
 from __future__ import annotations
 
@@ -39,14 +39,18 @@ td:first-child,th:first-child{text-align:left;padding-left:0}th{color:var(--fain
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(430px,1fr));gap:18px;margin:16px 0}
 .charts img,.sheet{width:100%;border-radius:5px}
 """
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+_POLICY = "default-src 'none'; img-src {}; style-src 'unsafe-inline'"
 
 
-def page(title: str, body: str) -> str:
-    """A whole page around trusted HTML; the title is escaped."""
+def page(title: str, body: str, *, pictures_beside: bool = False) -> str:
+    """A whole page around trusted HTML; the title is escaped.
+
+    Its pictures are inlined; with ``pictures_beside`` they may also lie in files beside the page.
+    """
+    policy = _POLICY.format("data: 'self' file:" if pictures_beside else "data:")
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
         f"<title>{text(title)}</title><style>{_STYLE}</style></head>\n<body>\n{body}\n</body></html>\n"
     )

@@ -1,57 +1,66 @@
-"""Annotate many photos, one after the other; a photo that fails is recorded and the others go on."""
+"""The story of a run over many photos.
+
+names of the outputs -> what an earlier run has done -> annotate the rest, here or by workers -> pages
+
+A photo that fails is recorded and the others go on. Whatever is killed at whatever moment: files are whole, a
+finished photo stays as it is, and ``resume`` does what is missing.
+"""
 
 from __future__ import annotations
 
-import hashlib
-import io
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from os.path import normpath
 from pathlib import Path
+from typing import Literal, Protocol
 
-from PIL import Image
-
-from cadpose.annotations.card import GalleryEntry, gallery_entry, index_html
-from cadpose.annotations.document import MAX_CHARACTERS, AnnotationDocument
-from cadpose.annotations.files import OutputPaths, output_paths, spare_photos, write_atomic
-from cadpose.annotations.parts import plain_text
+from cadpose.annotations.files import OutputPaths, output_paths, spare_photos
 from cadpose.annotations.store import Store
-from cadpose.batch.outputs import write_outputs
-from cadpose.errors import CadposeError, DependencyError, InputError
-from cadpose.photos import read_photo
+from cadpose.batch.job import Job
+from cadpose.batch.journal import NAME as JOURNAL
+from cadpose.batch.journal import Journal
+from cadpose.batch.making import Making
+from cadpose.batch.outcome import PhotoOutcome, Task, read_document
+from cadpose.batch.pages import INDEX, REPORT, RunPages
+from cadpose.batch.parquet import need_pyarrow, write_table
+from cadpose.batch.photo_files import same_bytes
+from cadpose.batch.pool import WorkerPool
+from cadpose.batch.ray_run import RayPool, ray_cluster
+from cadpose.batch.resume import Earlier, Resume
+from cadpose.batch.worker import WRITE, DetectionsOf, PhotoWorker
+from cadpose.errors import CadposeError, InputError
 from cadpose.pipeline import Annotator
-from cadpose.records import Detection, Photo
 
 log = logging.getLogger(__name__)
 
-#: Objects of a photo that are known from outside.
-DetectionsOf = Callable[[Photo], list[Detection]]
-
 #: A file that a killed run left behind is swept away once it is this old; a younger one may be another's.
 _LEFT_BEHIND_SECONDS = 3600.0
+#: So many photos in a row whose outputs cannot be written end the run: the disk is full.
+_GIVE_UP = 3
+
+#: What is known of a photo before anything is annotated: its outcome, or that it has to be done.
+Step = PhotoOutcome | Task
+#: Turns steps into outcomes, in any order.
+Execute = Callable[[Sequence[Step]], Iterator[PhotoOutcome]]
 
 
-@dataclass(frozen=True, eq=False)
-class PhotoOutcome:
-    """What came of one photo of a run.
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run deals with what an earlier one left.
 
     Attributes:
-        photo: Its path.
-        document: What was found; None where the photo failed.
-        paths: Where its outputs lie.
-        error: Why it failed, in one sentence that names it.
-        resumed: The outputs were there already.
-        seconds: Time by stage.
+        resume: Leave photos alone that are done, see :mod:`cadpose.batch.resume`.
+        retry_failed: With ``resume``: try those that failed once more.
+        names_matter: Photos of the same bytes are each annotated, because what is told of them goes by name.
+        parquet: File that gets the annotations of all finished photos of the run, at its end.
     """
 
-    photo: Path
-    document: AnnotationDocument | None
-    paths: OutputPaths
-    error: str = ""
-    resumed: bool = False
-    seconds: dict[str, float] | None = None
+    resume: bool = False
+    retry_failed: bool = False
+    names_matter: bool = False
+    parquet: Path | None = None
 
 
 def annotate_photos(
@@ -60,22 +69,21 @@ def annotate_photos(
     out: Path,
     *,
     detections: DetectionsOf | None = None,
+    told: str = "",
     store: Store | None = None,
     resume: bool = False,
+    retry_failed: bool = False,
 ) -> Iterator[PhotoOutcome]:
-    """Annotate photos and write their outputs and an index page to ``out``.
-
-    Outputs are written whole: a run that is killed leaves whole files and at most one hidden ``.part``
-    file, which a later run sweeps away. The index page is written at the end, also of a run that is
-    stopped, and lists what was done.
+    """Annotate photos one after the other in this process; write outputs and the run's pages to ``out``.
 
     Args:
         annotator: The annotator.
         photos: Their paths.
         out: Folder of the outputs; made when needed.
         detections: Gives the objects of a photo instead of the detector.
+        told: Digest of what ``detections`` tells: with another one ``resume`` does photos again.
         store: Also keeps the documents there, one transaction a photo.
-        resume: Leave photos alone whose document in ``out`` was made from the same bytes.
+        resume, retry_failed: See :class:`RunOptions`.
 
     Yields:
         One outcome a photo, in order, as soon as it is written.
@@ -84,90 +92,182 @@ def annotate_photos(
         DependencyError: weights or programs are missing that every photo needs.
         CadposeError: ``out`` or the store cannot be written, or an output would replace a photo.
     """
-    planned = output_paths(photos, out, _belongs_to_another)
-    spare_photos([out / "index.html", *(path for paths in planned for path in paths.all())], photos)
+    worker = PhotoWorker(annotator, detections=detections, told=told, store=store)
+    options = RunOptions(resume, retry_failed, names_matter=detections is not None)
+    yield from _run_here(worker, photos, out, options)
+
+
+def annotate_job(
+    job: Job,
+    photos: Sequence[Path],
+    out: Path,
+    options: RunOptions,
+    *,
+    workers: int = 1,
+    photo_timeout: float | None = 600.0,
+    executor: Literal["local", "ray"] = "local",
+) -> Iterator[PhotoOutcome]:
+    """As :func:`annotate_photos`; more than one worker are processes of their own.
+
+    Args:
+        job: Makes a worker.
+        photos: Their paths.
+        out: Folder of the outputs; made when needed.
+        options: How to deal with what an earlier run left.
+        workers: How many.
+        photo_timeout: Seconds after which a photo has failed; only where there are several workers.
+        executor: ``"local"``: see :class:`cadpose.batch.pool.WorkerPool`; ``"ray"``: on a Ray cluster, one
+            worker too, see :mod:`cadpose.batch.ray_run`.
+
+    Yields:
+        One outcome a photo, in order where there is one worker, else as they come.
+    """
+    if executor == "local" and workers == 1:
+        worker = job.open()
+        try:
+            yield from _run_here(worker, photos, out, options)
+        finally:
+            worker.close()
+        return
+    with _opened_store(job) as store, _pool(job, workers, photo_timeout, executor) as pool:
+
+        def side_by_side(steps: Sequence[Step]) -> Iterator[PhotoOutcome]:
+            yield from (step for step in steps if isinstance(step, PhotoOutcome))
+            yield from pool.run([step for step in steps if isinstance(step, Task)])
+
+        how = f"by {workers} worker{'s' * (workers > 1)}{' on Ray' * (executor == 'ray')}"
+        yield from _run_steps(photos, out, options, store, pool.making(), side_by_side, how)
+
+
+class Pool(Protocol):
+    """Workers that annotate side by side."""
+
+    def making(self) -> Making:
+        """What photos will be made with."""
+        ...
+
+    def run(self, tasks: Sequence[Task]) -> Iterator[PhotoOutcome]:
+        """Annotate photos; one outcome a photo, as they come."""
+        ...
+
+
+@contextmanager
+def _pool(job: Job, workers: int, photo_timeout: float | None, executor: str) -> Iterator[Pool]:
+    if executor == "ray":
+        with ray_cluster():
+            yield RayPool(job, workers, photo_timeout=photo_timeout)
+    else:
+        with WorkerPool(job, workers, photo_timeout=photo_timeout) as pool:
+            yield pool
+
+
+def _run_here(
+    worker: PhotoWorker, photos: Sequence[Path], out: Path, options: RunOptions
+) -> Iterator[PhotoOutcome]:
+    def in_order(steps: Sequence[Step]) -> Iterator[PhotoOutcome]:
+        for step in steps:
+            yield worker.annotate(step) if isinstance(step, Task) else step
+
+    yield from _run_steps(photos, out, options, worker.store, worker.making, in_order, "one after the other")
+
+
+@contextmanager
+def _opened_store(job: Job) -> Iterator[Store | None]:
+    store = job.open_store()
+    try:
+        yield store
+    finally:
+        if store is not None:
+            store.close()
+
+
+def _run_steps(
+    photos: Sequence[Path],
+    out: Path,
+    options: RunOptions,
+    store: Store | None,
+    making: Making,
+    execute: Execute,
+    how: str,
+) -> Iterator[PhotoOutcome]:
+    """The run itself, whoever annotates.
+
+    Args:
+        photos: Their paths.
+        out: Folder of the outputs.
+        options: How to deal with what an earlier run left.
+        store: Where finished photos are put that it lacks.
+        making: What photos will be made with.
+        execute: Annotates what has to be done.
+        how: The same in words, for the report.
+    """
+    if options.parquet is not None:
+        need_pyarrow()
+    journal = Journal(out)
+    earlier = Earlier(journal.records())
+    twins = {} if options.names_matter else same_bytes(photos)
+    own = [photo for photo in dict.fromkeys(photos) if photo not in twins]
+    planned = dict(zip(own, output_paths(own, out, earlier.belongs_to_another), strict=True))
+    _ready(out, photos, list(planned.values()))
+    journal.tidy()
+    steps = _steps(planned, Resume(earlier, making, journal, retry_failed=options.retry_failed), options)
+    if store is not None:
+        _complete(store, steps)
+    copies: dict[Path, list[Path]] = {}
+    for copy, first in twins.items():
+        copies.setdefault(first, []).append(copy)
+    pages = RunPages(out, planned, copies=len(twins), how=how)
+    unwritten = 0
+    try:
+        for outcome in execute(steps):
+            pages.note(outcome)
+            yield outcome
+            for copy in copies.get(outcome.photo, ()):
+                yield PhotoOutcome(
+                    copy, outcome.paths, outcome.record, outcome.error, outcome.stage, same_as=outcome.photo
+                )
+            unwritten = unwritten + 1 if outcome.stage == WRITE else 0
+            if unwritten == _GIVE_UP:
+                raise CadposeError(f"stopped: the outputs of {_GIVE_UP} photos in a row could not be written")
+    finally:
+        pages.write()
+    if options.parquet is not None:
+        write_table([planned[photo].json for photo in pages.finished_photos()], options.parquet)
+
+
+def _ready(out: Path, photos: Sequence[Path], planned: Sequence[OutputPaths]) -> None:
+    """Make the folder and look that no output takes the place of a photo."""
+    own = [out / name for name in (INDEX, REPORT, JOURNAL)]
+    spare_photos([*own, *(path for paths in planned for path in paths.all())], photos)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        _sweep(out)
+        for folder in (out, *{paths.thumbnail.parent for paths in planned}):
+            _sweep(folder)
     except OSError as error:
         raise InputError(f"{out}: cannot be made ({error.strerror}), choose another --out") from error
-    entries: list[GalleryEntry] = []
-    try:
-        for photo, paths in zip(photos, planned, strict=True):
-            done = _finished(photo, paths) if resume else None
-            outcome, overlay = done or _annotate(annotator, photo, paths, detections)
-            if outcome.document is not None and overlay is not None:
-                if store is not None:
-                    store.add(outcome.document)
-                entries.append(gallery_entry(outcome.document, paths.card.name, overlay))
-            yield outcome
-    finally:
-        write_atomic(out / "index.html", index_html(entries).encode())
 
 
-def _annotate(
-    annotator: Annotator, photo: Path, paths: OutputPaths, detections: DetectionsOf | None
-) -> tuple[PhotoOutcome, Image.Image | None]:
-    try:
-        picture = read_photo(photo)
-        result = annotator.run(picture, None if detections is None else detections(picture))
-        document, overlay = write_outputs(annotator, result, paths)
-    except DependencyError:
-        raise
-    except CadposeError as error:
-        reason = str(error)
-    except Exception as error:  # whatever one photo brings to light, the others go on
-        log.debug("%s", photo, exc_info=True)
-        reason = f"cannot be annotated ({type(error).__name__}: {error}), --verbose tells more"
-    else:
-        return PhotoOutcome(photo, document, paths, seconds=result.seconds), overlay
-    return PhotoOutcome(photo, None, paths, reason if str(photo) in reason else f"{photo}: {reason}"), None
+def _steps(planned: dict[Path, OutputPaths], resume: Resume, options: RunOptions) -> list[Step]:
+    if not options.resume:
+        return [Task(photo, paths) for photo, paths in planned.items()]
+    steps = [resume.outcome(photo, paths) or Task(photo, paths) for photo, paths in planned.items()]
+    resume.tell()
+    return steps
 
 
-def _finished(photo: Path, paths: OutputPaths) -> tuple[PhotoOutcome, Image.Image] | None:
-    """The outcome of an earlier run, with its overlay, if its document was made from these very bytes."""
-    document = _document(paths.json)
-    if document is None or document.photo.sha256 != _digest(photo):
-        return None
-    try:
-        overlay = Image.open(io.BytesIO(paths.overlay.read_bytes())).convert("RGB")
-    except OSError:
-        return None
-    if not all(path.is_file() for path in (paths.candidates, paths.card)):
-        return None
-    return PhotoOutcome(photo, document, paths, resumed=True), overlay
+def _complete(store: Store, steps: Sequence[Step]) -> None:
+    """Put finished photos into a store that lacks them."""
+    finished = [s for s in steps if isinstance(s, PhotoOutcome) and s.record is not None]
+    held = {photo.sha256 for photo in store.photos()} if finished else set()
+    for outcome in finished:
+        if outcome.record is not None and outcome.record.sha256 not in held:
+            document = read_document(outcome.paths.json)
+            if document is not None:
+                store.add(document)
 
 
-def _belongs_to_another(photo: Path, path: Path) -> bool:
-    """Whether the document there tells of a photo of another name and of other bytes."""
-    document = _document(path)
-    if document is None or normpath(document.photo.name) == normpath(plain_text(str(photo))):
-        return False
-    return document.photo.sha256 != _digest(photo)
-
-
-def _document(path: Path) -> AnnotationDocument | None:
-    """The document there; None where there is none, or none that can be used."""
-    try:
-        with path.open(encoding="utf-8") as file:
-            return AnnotationDocument.from_json(file.read(MAX_CHARACTERS + 1), str(path))
-    except (OSError, InputError, UnicodeDecodeError):
-        return None
-
-
-def _digest(photo: Path) -> str:
-    """SHA-256 of a photo's bytes; empty where they cannot be read."""
-    try:
-        # A pipe or a device would never end.
-        if not photo.is_file():
-            return ""
-        with photo.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return ""
-
-
-def _sweep(out: Path) -> None:
-    for part in out.glob(".cadpose-*.part"):
-        if time.time() - part.stat().st_mtime > _LEFT_BEHIND_SECONDS:
-            part.unlink(missing_ok=True)
+def _sweep(folder: Path) -> None:
+    for part in folder.glob(".cadpose-*.part"):
+        with suppress(FileNotFoundError):  # another run's, moved into place meanwhile
+            if time.time() - part.stat().st_mtime > _LEFT_BEHIND_SECONDS:
+                part.unlink()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from cadpose.detection import DetectionSource
+    from cadpose.batch.told import ToldObjects
 
 Boxes = Annotated[
     list[str] | None, typer.Option("--box", help="x0,y0,x1,y1 in pixels, instead of the detector.")
@@ -34,16 +34,13 @@ def objects_told(
     categories: list[str] | None,
     rotations: list[str] | None,
     file: Path | None,
-) -> DetectionSource | None:
+) -> ToldObjects | None:
     """What the options tell of the objects; None where they leave them to the detector.
 
     Raises:
         BadParameter: they exclude each other, do not fit in number, or are no numbers.
-        InputError: the file cannot be used.
     """
-    from cadpose.detection.drawn import DrawnObjects
-    from cadpose.detection.given import parse_box, parse_polygon, parse_rotation
-    from cadpose.detection.sources import open_detections
+    from cadpose.batch.told import ToldObjects
     from cadpose.errors import InputError
 
     drawn = bool(boxes or polygons or masks)
@@ -52,7 +49,7 @@ def objects_told(
             raise typer.BadParameter(
                 "give either --detections or --box, --polygon, --mask and --rotation, not both"
             )
-        return open_detections(file, categories or None)
+        return ToldObjects(categories=tuple(categories or ()), file=file)
     if not drawn:
         if rotations:
             raise typer.BadParameter(
@@ -64,13 +61,15 @@ def objects_told(
         # A mask may show several objects: how many is known when it is read.
         if given and not masks and len(given) not in (1, count):
             raise typer.BadParameter(f"{option} was given {len(given)} times for {count} objects")
+    told = ToldObjects(
+        tuple(boxes or ()),
+        tuple(polygons or ()),
+        tuple(masks or ()),
+        tuple(categories or ()),
+        tuple(rotations or ()),
+    )
     try:
-        return DrawnObjects(
-            [parse_box(text) for text in boxes or []],
-            [parse_polygon(text) for text in polygons or []],
-            masks or [],
-            categories or [],
-            [parse_rotation(text) for text in rotations or []],
-        )
+        told.open()
     except InputError as error:
         raise typer.BadParameter(str(error)) from None
+    return told

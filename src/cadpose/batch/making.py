@@ -1,0 +1,57 @@
+"""What a photo's outputs were made with, and whether that is what they would be made with now.
+
+Two makings are the same when everything that may change an answer is: cadpose's version, the library's
+models, the stages and their options, the categories looked for, and what was told of objects and cameras.
+Where a run computes (device, workers, threads) is no part of it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from cadpose.annotations.document import AnnotationDocument
+from cadpose.annotations.parts import plain_json
+
+
+@dataclass(frozen=True)
+class Making:
+    """What outputs are made with.
+
+    Attributes:
+        provenance: What the annotator says of itself, JSON's own types.
+        told: Digest of the objects that were told in place of the detector; empty where it looks itself.
+        categories: What it looks for.
+        cameras: What is known of the photos' cameras, JSON's own types.
+    """
+
+    provenance: Mapping[str, Any]
+    told: str = ""
+    categories: tuple[str, ...] = ()
+    cameras: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "provenance", plain_json(dict(self.provenance)))
+        object.__setattr__(self, "cameras", plain_json(dict(self.cameras)))
+
+    @property
+    def key(self) -> str:
+        """16 hex digits that stand for it."""
+        # A detector that is not asked does not matter, nor what it would look for.
+        provenance = {k: v for k, v in self.provenance.items() if not (self.told and k == "detector")}
+        wanted = [] if self.told else sorted(self.categories)
+        text = json.dumps([provenance, self.told, wanted, self.cameras], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def made(self, document: AnnotationDocument) -> bool:
+        """Whether a document says of itself that it was made like this.
+
+        One without annotations says nothing of itself, so it was not; the objects that were told are not
+        compared.
+        """
+        return bool(document.annotations) and all(
+            part.provenance == self.provenance for part in document.annotations
+        )
