@@ -122,6 +122,7 @@ def test_provenance_names_everything_that_took_part(annotator: Annotator, hatch:
         "similarity": annotator.similarity.name,
         "renderer": "raster-2x2",
         "align_to": "box",
+        "refine": "off",
         "candidates": 10,
         "index": None,
         "seed": 0,

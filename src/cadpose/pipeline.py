@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import cadpose
 from cadpose.alignment.placement import Placement
+from cadpose.alignment.refinement.refine import Refiner
 from cadpose.annotations.document import Failure
 from cadpose.backends import Backends
 from cadpose.detection.flags import flagged
@@ -157,6 +158,10 @@ class Annotator:
         own = self.similarity
         return own if isinstance(own, JointRanker) else self._backends.joint(self.renderer.name)
 
+    def refiner(self, mode: str) -> Refiner | None:
+        """What refines poses in a mode; None for ``off``."""
+        return self._backends.refiner(mode)
+
     def annotate(
         self, photo: Photo | NDArray[np.uint8] | Path | str, detections: Sequence[Detection] | None = None
     ) -> list[Annotation]:
@@ -202,7 +207,7 @@ class Annotator:
         self, photo: Photo, box: Box, category: str, cads: Sequence[CadModel] | None = None
     ) -> list[RotationHypothesis]:
         """Rotation hypotheses of the object in a box, best first."""
-        pool = self._pool(category) if cads is None else cads
+        pool = self.candidates(category) if cads is None else cads
         return self.rotation.estimate(crop_square(photo.rgb, box, SIDE), pool)
 
     def rank(
@@ -268,7 +273,7 @@ class Annotator:
             )
         return name
 
-    def _pool(self, category: str) -> tuple[CadModel, ...]:
+    def candidates(self, category: str) -> tuple[CadModel, ...]:
         """The candidates of a category; models whose file is damaged are passed over."""
         pool, reason = [], None
         for cad in self.library.representatives(self._known(category), self.candidate_count):
@@ -293,7 +298,7 @@ class Annotator:
             )
         detection = replace(detection, box=box)
         with clock.time("library"):
-            cads = self._pool(detection.category)
+            cads = self.candidates(detection.category)
         if detection.mask is None:
             with clock.time("mask"):
                 detection = replace(detection, mask=self.masks.mask(photo, box))

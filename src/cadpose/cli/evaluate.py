@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from cadpose.cli.evaluate_alignment import alignment
 from cadpose.cli.evaluate_detection import detection
 from cadpose.cli.evaluate_masks import masks
 from cadpose.cli.library_search import library_search
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Tables over labelled photographs.", no_args_is_help=True)
 app.command("retrieval")(retrieval)
 app.command("library")(library_search)
+app.command("alignment")(alignment)
 app.command("detection")(detection)
 app.command("masks")(masks)
 

@@ -10,10 +10,12 @@ import numpy as np
 
 from cadpose.datasets.gallery import Gallery
 from cadpose.datasets.labels import Label, iter_labels, read_labels
+from cadpose.datasets.registry import open_dataset
 from cadpose.errors import CadposeError, InputError
 from cadpose.evaluation.perturbations import Perturbation
 from cadpose.geometry.boxes import Box, box_iou
 from cadpose.library.catalogue import Library
+from cadpose.library.class_map import category_from_name
 from cadpose.pipeline import Annotator
 from cadpose.records import CadModel, Photo, Rotation
 
@@ -34,21 +36,33 @@ class RejectedError(CadposeError):
 
 
 def choose_labels(
-    path: Path, category: str | None = None, split: str = "all", limit: int | None = None
+    path: Path,
+    category: str | None = None,
+    split: str = "all",
+    limit: int | None = None,
+    kind: str = "labels",
 ) -> list[Label]:
-    """The labels of a file that name a CAD model.
+    """The labels of a file, or of a data set, that name a CAD model.
 
     Args:
-        path: Label file.
+        path: Label file, or the data set's folder.
         category: Only this one, or what a word means.
         split: ``"odd"`` and ``"even"`` are the 1st, 3rd, 5th ... and the 2nd, 4th, 6th ... of each category
             in the file's order; ``"all"`` leaves none out; another word is a split that the labels name.
         limit: At most so many of each category, evenly spread.
+        kind: One of :data:`cadpose.datasets.registry.KINDS`.
 
     Raises:
         InputError: the file cannot be read, nothing is left, or it holds real and synthetic photos.
     """
-    read = read_labels(path, category, None if split in HALVES else split)
+    part = None if split in HALVES else split
+    if kind == "labels":
+        read = read_labels(path, category, part)
+    else:
+        wanted = category and (category_from_name(category) or category)
+        read = [
+            label for label in open_dataset(kind, path, part) if wanted is None or label.category == wanted
+        ]
     named = [label for label in read if label.cad is not None]
     if not named:
         raise InputError(f"{path}: no label names its cad")

@@ -82,7 +82,7 @@ def test_the_network_can_learn_a_shift() -> None:
         told, true = _shifted(network, generator)
         loss = (told[:, 4:] - true).abs().mean()
         optimiser.zero_grad()
-        loss.backward()
+        torch.autograd.backward([loss])
         optimiser.step()
     network.eval()
     with torch.no_grad():

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
 from cadpose.encoder import CHANNELS16, SIDE
-from cadpose.rotation.features import STEPS, cell_statistics
+from cadpose.rotation.features import LEVELS, STEPS, cell_cover, cell_statistics, standardised
 
 #: Cells along a side of the maps.
 CELLS = SIDE // 16
@@ -102,6 +103,16 @@ class OfMaps(nn.Module):
 
     def _standardised(self, maps: Tensor) -> Tensor:
         return ((maps - self.mean) / self.spread).clamp(-_MOST, _MOST)
+
+
+def cells_of(maps: NDArray[np.float32]) -> NDArray[np.int8]:
+    """(N, 112, 14, 14) maps of the encoder to (N, 196, 112) standardised values, times :data:`STEPS`."""
+    return standardised(maps, LEVELS[0])
+
+
+def cover_of(alpha: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(N, 224, 224) coverage to (N, 196), 255 where the model fills the cell."""
+    return np.asarray(np.rint(cell_cover(alpha, LEVELS[0]) * 255.0), np.uint8)
 
 
 def _layer(inside: int, outside: int, kernel: int, stride: int = 1) -> nn.Module:

@@ -24,8 +24,8 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.geometry.symmetry_groups import rotation_about
 from cadpose.poses import Pose4Dof, Rotation
 from cadpose.rendering.raster import Rasteriser
-from cadpose.rotation.features import LEVELS, cell_cover, standardised
 from cadpose.training.lite.stream import Source, worker_chunks
+from cadpose.training.refinement.network import cells_of, cover_of
 from cadpose.training.synth.generator import SynthGenerator
 from cadpose.training.synth.records import SynthObject
 
@@ -106,7 +106,7 @@ def _of_photo(generator: SynthGenerator, encoder: Lite0, drawer: Rasteriser, ind
         whole = shown.box.clipped(size, size)
         box = _jittered(whole if whole is not None and rng.random() < 0.7 else seen, rng)
         crop = ObjectCrop.of(photo.rgb, box)
-        map16 = standardised(encoder.stride16(crop.rgb[None]), LEVELS[0])[0]
+        map16 = cells_of(encoder.stride16(crop.rgb[None]))[0]
         scene, _ = generator.scene(shown.cad)
         hull = scene.vertices[:: max(1, len(scene.vertices) // 1500)].astype(np.float64)
         for _ in range(EACH):
@@ -121,9 +121,8 @@ def _of_photo(generator: SynthGenerator, encoder: Lite0, drawer: Rasteriser, ind
                 pose.rotation, pose.focal_px * float(np.exp(rng.normal(0.0, 0.03))), (x + dx, y + dy)
             )
             views = drawer.render_scene(scene, crop.cameras(start.to_cameras(1, 1)))
-            view = standardised(encoder.stride16(views.over(BACKGROUND)), LEVELS[0])[0]
-            cover = np.rint(cell_cover(views.alpha, LEVELS[0])[0] * 255.0).astype(np.uint8)
-            yield map16, view, cover, step_between(start, shown, crop.square.width)
+            view = cells_of(encoder.stride16(views.over(BACKGROUND)))[0]
+            yield map16, view, cover_of(views.alpha)[0], step_between(start, shown, crop.square.width)
 
 
 def step_between(start: Pose4Dof, shown: SynthObject, side: float) -> NDArray[np.float32]:
