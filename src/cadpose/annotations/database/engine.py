@@ -129,8 +129,8 @@ def _ready(file: Path, create: bool) -> None:
         raise CadposeError(f"cannot make the folder of the store {file}: {error}") from None
 
 
-def _compact(value: Any) -> str:
-    return json.dumps(value, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+# Made once: `json.dumps` would make one for every value.
+_compact = json.JSONEncoder(separators=(",", ":"), ensure_ascii=True, allow_nan=False).encode
 
 
 def _sqlite_engine(url: sa.URL, foreign_keys: bool) -> sa.Engine:

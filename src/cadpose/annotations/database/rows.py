@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from cadpose.annotations.document import AnnotationDocument
@@ -44,10 +45,17 @@ class DocumentRows:
     provenances: dict[str, Row] = field(default_factory=dict)
 
 
+# Made once: `json.dumps` would make one for every value.
+_canonical = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=True).encode
+
+
+def _hashed(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 def digest(*values: Any) -> str:
     """64 hex digits of values that JSON can carry; equal values give equal digits."""
-    text = json.dumps(values, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    return _hashed(_canonical(values))
 
 
 def short_digest(*values: Any) -> str:
@@ -57,23 +65,39 @@ def short_digest(*values: Any) -> str:
 
 def document_json(document: AnnotationDocument) -> dict[str, Any]:
     """The document as JSON's own types."""
-    return document.model_dump(mode="json", by_alias=True)
+    # Through text, which is several times as quick as model_dump.
+    data: dict[str, Any] = json.loads(document.model_dump_json(by_alias=True))
+    return data
 
 
 def annotation_id(photo_sha256: str, position: int, part: Mapping[str, Any]) -> str:
     """Key of an annotation: its photo, its place in the document and what it says, timings aside."""
-    return digest(photo_sha256, position, _untimed(part))
+    return _annotation_id(photo_sha256, position, _canonical(_untimed(part)))
 
 
 def content_digest(data: Mapping[str, Any]) -> str:
     """Digest of a document, timings aside."""
-    return digest({**data, "annotations": [_untimed(part) for part in data["annotations"]]})
+    return _content_digest(data, [_canonical(_untimed(part)) for part in data["annotations"]])
+
+
+def _annotation_id(photo_sha256: str, position: int, text: str) -> str:
+    # The digest of the three values together; the long one of them is written once for both digests.
+    return _hashed(f'["{photo_sha256}",{position},{text}]')
+
+
+def _content_digest(data: Mapping[str, Any], texts: Sequence[str]) -> str:
+    written = {name: _canonical(value) for name, value in data.items() if name != "annotations"}
+    written["annotations"] = f"[{','.join(texts)}]"
+    members = ",".join(f'"{name}":{written[name]}' for name in sorted(written))
+    return _hashed(f"[{{{members}}}]")
 
 
 def rows_of(data: Mapping[str, Any]) -> DocumentRows:
     """The rows of a document given as JSON; times and decisions are the writer's to add."""
     photo = data["photo"]
-    sha256, content = photo["sha256"], content_digest(data)
+    sha256 = photo["sha256"]
+    texts = [_canonical(_untimed(part)) for part in data["annotations"]]
+    content = _content_digest(data, texts)
     rows = DocumentRows(
         photo={
             "sha256": sha256,
@@ -85,7 +109,8 @@ def rows_of(data: Mapping[str, Any]) -> DocumentRows:
         }
     )
     for position, part in enumerate(data["annotations"]):
-        add_annotation(rows, annotation_id(sha256, position, part), sha256, content, position, part)
+        key = _annotation_id(sha256, position, texts[position])
+        add_annotation(rows, key, sha256, content, position, part)
     for position, failure in enumerate(data["failures"]):
         found = _detection(rows, sha256, failure["detection"])
         rows.failures.append(
@@ -175,12 +200,21 @@ def pose_columns(pose: Mapping[str, Any]) -> Row:
 
 def add_cad(cads: dict[str, Row], cad: Mapping[str, Any]) -> str:
     """Put a model given as JSON among the rows; its key."""
-    key = short_digest(cad)
+    size = cad["size_cm"]
+    told = tuple(cad[name] for name in _CAD_COLUMNS)
+    key = _cad_key(told, None if size is None else tuple(size))
     if key not in cads:
-        width, depth, height = cad["size_cm"] or (None, None, None)
-        told = {name: cad[name] for name in _CAD_COLUMNS}
-        cads[key] = {"key": key, **told, "width_cm": width, "depth_cm": depth, "height_cm": height}
+        width, depth, height = size or (None, None, None)
+        named = dict(zip(_CAD_COLUMNS, told, strict=True))
+        cads[key] = {"key": key, **named, "width_cm": width, "depth_cm": depth, "height_cm": height}
     return key
+
+
+@lru_cache(maxsize=20_000)
+def _cad_key(told: tuple[Any, ...], size: tuple[float, ...] | None) -> str:
+    """Digest of a model's JSON; the same few models come again and again."""
+    named = dict(zip(_CAD_COLUMNS, told, strict=True))
+    return short_digest(named | {"size_cm": None if size is None else list(size)})
 
 
 _CAD_COLUMNS = ("id", "name", "category", "licence", "creator", "source", "face_count", "sha256")
