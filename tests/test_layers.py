@@ -36,6 +36,7 @@ TIERS: tuple[tuple[str, ...], ...] = (
         "records",
         "poses",
         "intrinsics",
+        "stopwatch",
         "weights",
         "errors",
         "onnx_session",

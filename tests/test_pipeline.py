@@ -16,9 +16,10 @@ from cadpose.errors import CadposeError, DependencyError, InputError, LibraryErr
 from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
 from cadpose.library.mesh import Mesh
-from cadpose.pipeline import Annotator, PhotoResult, Stopwatch
+from cadpose.pipeline import Annotator, PhotoResult
 from cadpose.records import CadModel, Detection, Photo, Rotation
 from cadpose.similarity.joint.ranker import JointRanker, JointRanking
+from cadpose.stopwatch import Stopwatch
 from tests.batch.fakes import FakeDetector, fake_annotator
 from tests.small_library import Shot, save, shoot
 

@@ -117,6 +117,7 @@ BAD: list[tuple[type, dict[str, Any], str]] = [
     (Pose6Dof, {"diagonal_m": 0.0}, "positive"),
     (Refinement, {"score": 0.25}, "worse than its start"),
     (Refinement, {"score": NAN}, "finite"),
+    (Refinement, {"expected_error": 181.0}, "expected error"),
     (Views, {"rgb": np.zeros((2, 2, 2, 3), np.uint8)}, "do not fit"),
     (Views, {"depth": np.zeros((1, 2, 3), np.float32)}, "do not fit"),
     (Views, {"alpha": np.zeros((2, 2), np.uint8)}, "do not fit"),

@@ -7,9 +7,7 @@ near a guess -> fit the focal length that lays the best one over the object -> r
 from __future__ import annotations
 
 import logging
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +18,7 @@ from numpy.typing import NDArray
 import cadpose
 from cadpose.alignment.placement import Placement
 from cadpose.alignment.refinement.refine import Refiner
+from cadpose.alignment.trust import Trust
 from cadpose.annotations.document import Failure
 from cadpose.backends import Backends
 from cadpose.detection.flags import flagged
@@ -48,6 +47,7 @@ from cadpose.similarity.index.library_index import LibraryIndex
 from cadpose.similarity.joint.ranker import JointRanker, JointRanking
 from cadpose.similarity.local_features import BACKGROUND
 from cadpose.similarity.ranking import rank_candidates
+from cadpose.stopwatch import Stopwatch
 
 log = logging.getLogger(__name__)
 
@@ -70,24 +70,6 @@ class PhotoResult:
     annotations: tuple[Annotation, ...]
     failures: tuple[Failure, ...]
     seconds: dict[str, float] = field(default_factory=dict)
-
-
-class Stopwatch:
-    """Adds up seconds by stage and knows the stage begun last."""
-
-    def __init__(self, stage: str = "") -> None:
-        self.seconds: dict[str, float] = {}
-        self.stage = stage
-
-    @contextmanager
-    def time(self, stage: str) -> Iterator[None]:
-        """Time what is done inside."""
-        start = time.perf_counter()
-        self.stage = stage
-        try:
-            yield
-        finally:
-            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
 
 
 class Annotator:
@@ -287,7 +269,28 @@ class Annotator:
             raise LibraryError(f"no CAD model of category {category!r} can be read") from reason
         return tuple(pool)
 
-    def _annotate_object(self, photo: Photo, detection: Detection, clock: Stopwatch) -> Annotation:
+    def annotate_object(
+        self, photo: Photo, detection: Detection, cads: Sequence[CadModel] | None = None
+    ) -> Annotation:
+        """The annotation of one object.
+
+        Args:
+            photo: The photo.
+            detection: The object.
+            cads: Models to choose among; those of its category, or of the index, if None.
+
+        Raises:
+            CadposeError: the object cannot be annotated.
+        """
+        return self._annotate_object(photo, flagged(detection, photo.width, photo.height), Stopwatch(), cads)
+
+    def _annotate_object(
+        self,
+        photo: Photo,
+        detection: Detection,
+        clock: Stopwatch,
+        cads: Sequence[CadModel] | None = None,
+    ) -> Annotation:
         box = detection.box.clipped(photo.width, photo.height)
         if box is None:
             raise InputError(f"the box {detection.box.to_tuple()} lies outside the photo")
@@ -297,8 +300,9 @@ class Annotator:
                 f"photo of {photo.width} x {photo.height}"
             )
         detection = replace(detection, box=box)
+        named = cads is not None
         with clock.time("library"):
-            cads = self.candidates(detection.category)
+            cads = self.candidates(detection.category) if cads is None else cads
         if detection.mask is None:
             with clock.time("mask"):
                 detection = replace(detection, mask=self.masks.mask(photo, box))
@@ -308,7 +312,7 @@ class Annotator:
             else:
                 hypotheses = self.estimate_rotation(photo, box, detection.category, cads)
         with clock.time("similarity"):
-            if self.index is not None:
+            if self.index is not None and not named:
                 cads = self.index.candidates(self.library, photo, detection, hypotheses, self.candidate_count)
             joint = None
             if isinstance(self.similarity, JointRanker):
@@ -330,7 +334,7 @@ class Annotator:
                 camera=self.intrinsics.camera_of(photo),
                 diagonal_m=None if size is None else float(np.linalg.norm(size)) / 100.0,
             )
-        return Annotation(
+        found = Annotation(
             photo_name=photo.name,
             photo_sha256=photo.sha256,
             photo_size=(photo.width, photo.height),
@@ -347,6 +351,8 @@ class Annotator:
             refinement=placed.refinement,
             pose_6dof=placed.pose_6dof,
         )
+        trust = Trust.shipped().of(found) if placed.refinement is not None else None
+        return found if trust is None else replace(found, confidence=trust[0], verdict=trust[1])
 
     def provenance(self) -> dict[str, object]:
         """What every annotation says it was made with: version, library digest, stages, options."""

@@ -269,9 +269,11 @@ class Refinement:
         start_score: Score of ``start``; higher is better, comparable within one object only.
         score: Score of the refined pose, at least ``start_score``.
         evaluations: Poses that were drawn and compared.
+        expected_error: Angle in degrees that is expected to be left; None where nothing tells.
 
     Raises:
-        ValueError: a score is not finite, or the refined pose is worse than the start.
+        ValueError: a score is not finite, the refined pose is worse than the start, or the expected error is
+            outside [0, 180].
     """
 
     mode: str
@@ -279,8 +281,11 @@ class Refinement:
     start_score: float
     score: float
     evaluations: int
+    expected_error: float | None = None
 
     def __post_init__(self) -> None:
+        if self.expected_error is not None and not 0.0 <= self.expected_error <= 180.0:
+            raise ValueError(f"expected error {self.expected_error} is outside [0, 180] degrees")
         if not np.isfinite((self.start_score, self.score)).all():
             raise ValueError("the scores of a refinement must be finite")
         if self.score < self.start_score:

@@ -31,7 +31,7 @@ def test_the_pose_that_the_photo_was_drawn_with_is_found(
     assert placed.pose.focal_px == pytest.approx(shot.focal_px, rel=close)
     assert placed.mask_iou is not None
     assert placed.mask_iou > (0.8 if align_to == "paper" else 0.95)
-    assert (placed.refinement, placed.pose_6dof, placed.expected_error) == (None, None, None)
+    assert (placed.refinement, placed.pose_6dof) == (None, None)
 
 
 def test_without_a_mask_there_is_no_overlap_to_tell(small_library: Library, shot: Shot) -> None:

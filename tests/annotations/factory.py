@@ -86,7 +86,7 @@ def make_annotation(photo: Photo, *, box: Box | None = None, **changes: Any) -> 
         "none_probability": 0.3125,
         "cad_needs_review": True,
         "refinement": Refinement(
-            "fast", Pose4Dof(Rotation(310.0, 8.5), 1.9 * box.width, box.centre), 0.5, 0.625, 71
+            "fast", Pose4Dof(Rotation(310.0, 8.5), 1.9 * box.width, box.centre), 0.5, 0.625, 71, 3.5
         ),
         "pose_6dof": Pose6Dof.from_4dof(
             Pose4Dof(rotation, 2.0 * box.width, box.centre), PhotoCamera(150.0, (60.0, 40.0), "exif"), 4.75

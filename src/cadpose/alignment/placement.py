@@ -35,7 +35,6 @@ class Placed:
         box_iou: IoU of the projected model's rectangle and the box.
         mask_iou: IoU of silhouette and mask, None without a mask.
         refinement: What refinement changed, None where it was off.
-        expected_error: Angle in degrees that refinement expects to be left, None where it does not tell.
         pose_6dof: In the camera that took the photo, None where that is unknown.
     """
 
@@ -43,7 +42,6 @@ class Placed:
     box_iou: float
     mask_iou: float | None
     refinement: Refinement | None = None
-    expected_error: float | None = None
     pose_6dof: Pose6Dof | None = None
 
 
@@ -99,14 +97,14 @@ class Placement:
             ValueError: the model reaches behind the camera or projects to a point.
         """
         pose = self.fit(box, mask, mesh, rotation)
-        changed, error, whole = None, None, None
+        changed, whole = None, None
         if camera is not None:
             whole = Pose6Dof.from_4dof(pose, camera, diagonal_m)
         if self.refine != "off" and self.refiner is not None:
             crop = ObjectCrop.of(photo.rgb, box, mask)
             refine = partial(self.refiner.refine, crop, render=partial(self.renderer.render, mesh))
             refined = refine(pose, mode=self.refine, symmetry=symmetry)
-            pose, changed, error = refined.pose, refined.record, refined.expected_error
+            pose, changed = refined.pose, refined.record
             if camera is not None:
                 # Perspective differs from that at two diagonals: the real camera's pose is one of its own.
                 own = refine(pose, mode=self.refine, symmetry=symmetry, seen=in_photo_camera(camera))
@@ -117,7 +115,6 @@ class Placement:
             float(box_iou(drawn, np.array(box.to_tuple()))),
             None if mask is None else self.silhouette_iou(mesh, pose, box, mask),
             changed,
-            error,
             whole,
         )
 

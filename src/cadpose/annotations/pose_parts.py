@@ -74,6 +74,7 @@ class RefinementPart(Part):
     start_score: float
     score: float
     evaluations: Annotated[int, Field(ge=0)]
+    expected_error: Annotated[float, Field(ge=0.0, le=180.0)] | None
 
     @model_validator(mode="after")
     def _never_worse(self) -> Self:
@@ -89,11 +90,19 @@ class RefinementPart(Part):
             start_score=float(refinement.start_score),
             score=float(refinement.score),
             evaluations=int(refinement.evaluations),
+            expected_error=None if refinement.expected_error is None else float(refinement.expected_error),
         )
 
     def record(self) -> Refinement:
         """To the record."""
-        return Refinement(self.mode, self.start.pose(), self.start_score, self.score, self.evaluations)
+        return Refinement(
+            self.mode,
+            self.start.pose(),
+            self.start_score,
+            self.score,
+            self.evaluations,
+            self.expected_error,
+        )
 
 
 def _row3(values: list[float]) -> Row3:

@@ -23,8 +23,9 @@ from cadpose.batch.photo_files import file_mark
 from cadpose.batch.record import record_of
 from cadpose.errors import CadposeError, DependencyError
 from cadpose.photos import read_photo
-from cadpose.pipeline import Annotator, Stopwatch
+from cadpose.pipeline import Annotator
 from cadpose.records import Detection, Photo
+from cadpose.stopwatch import Stopwatch
 
 log = logging.getLogger(__name__)
 

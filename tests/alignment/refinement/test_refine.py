@@ -65,7 +65,7 @@ def test_a_full_refinement_finds_the_pose_that_the_photo_was_drawn_with(
     assert found.pose.focal_px == pytest.approx(TRUE.focal_px, rel=0.02)
     assert found.record.start == START
     assert found.record.score > found.record.start_score
-    assert found.expected_error is None
+    assert found.record.expected_error is None
 
 
 def test_a_fast_one_without_advice_fits_focal_length_and_offset_alone(
@@ -87,7 +87,7 @@ def test_good_advice_is_taken_and_bad_advice_is_not(small_library: Library, shot
     turn = [float(v) for v in axis / np.linalg.norm(axis) * angle]
     good = refined(small_library, shot, START, "fast", Told([[*turn, 0.0, 0.0, 0.0], nothing, nothing]))
     assert good.pose.rotation.error_to(TRUE.rotation) < 0.5
-    assert good.expected_error == 4.5
+    assert good.record.expected_error == 4.5
     bad = refined(small_library, shot, TRUE, "fast", Told([[0.5, 1.0, 0.5, 0.3, 0.1, 0.1], nothing, nothing]))
     assert bad.pose.rotation.error_to(TRUE.rotation) < 0.5
     assert bad.record.score >= bad.record.start_score

@@ -55,13 +55,11 @@ class Refined:
 
     Attributes:
         pose: The pose.
-        record: What was changed.
-        expected_error: Angle in degrees that the network expects to be left; None where it was not asked.
+        record: What was changed, and the angle that the network expects to be left.
     """
 
     pose: Pose4Dof
     record: Refinement
-    expected_error: float | None
 
 
 class Refiner:
@@ -109,8 +107,8 @@ class Refiner:
         if mode == "full":
             _climb(search)
         _placed(search)
-        record = Refinement(mode, start, search.start_score, search.best.score, search.drawn)
-        return Refined(search.pose, record, error)
+        record = Refinement(mode, start, search.start_score, search.best.score, search.drawn, error)
+        return Refined(search.pose, record)
 
 
 class _Search:
