@@ -15,6 +15,17 @@ PHOTO = Photo(np.zeros((60, 90, 3), np.uint8), "shots/street.jpg", focal_35mm=35
 PLAIN = Photo(np.zeros((60, 90, 3), np.uint8), "shots/plain.jpg")
 
 
+def test_the_name_tells_apart_what_is_told(tmp_path: Path) -> None:
+    texts = ["off", "exif", "100", "101", "100,1,2"]
+    assert len({Intrinsics.from_text(text).name for text in texts}) == len(texts)
+    path = tmp_path / "cameras.json"
+    path.write_text(json.dumps({"street.jpg": {"focal_px": 100}}))
+    named = Intrinsics.from_text(str(path)).name
+    assert named == Intrinsics.from_text(str(path)).name
+    path.write_text(json.dumps({"street.jpg": {"focal_px": 101}}))
+    assert named != Intrinsics.from_text(str(path)).name
+
+
 def test_exif_tells_unless_it_is_off() -> None:
     assert Intrinsics().camera_of(PHOTO) == PhotoCamera.from_35mm(35.0, 90, 60)
     assert Intrinsics.from_text("exif") == Intrinsics()

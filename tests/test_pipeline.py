@@ -124,6 +124,7 @@ def test_provenance_names_everything_that_took_part(annotator: Annotator, hatch:
         "renderer": "raster-2x2",
         "align_to": "box",
         "refine": "off",
+        "intrinsics": "exif",
         "candidates": 10,
         "index": None,
         "seed": 0,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -59,6 +60,14 @@ class Intrinsics:
             raise InputError(f"{text!r} tells no camera: write {_WAYS}")
         principal = (numbers[1], numbers[2]) if len(numbers) == 3 else None
         return cls(True, _checked(numbers[0], principal, repr(text)))
+
+    @property
+    def name(self) -> str:
+        """``off``, ``exif``, or ``given`` with a digest of what is given: annotations tell it."""
+        if self.every is None and not self.by_photo:
+            return "exif" if self.exif else "off"
+        told = json.dumps([self.exif, self.every, sorted(self.by_photo.items())])
+        return f"given-{hashlib.sha256(told.encode()).hexdigest()[:8]}"
 
     def camera_of(self, photo: Photo) -> PhotoCamera | None:
         """The photo's camera, None where nothing tells it."""

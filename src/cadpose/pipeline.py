@@ -366,6 +366,7 @@ class Annotator:
             "renderer": self.renderer.name,
             "align_to": self.placement.align_to,
             "refine": self.placement.refine,
+            "intrinsics": self.intrinsics.name,
             "candidates": self.candidate_count,
             "index": None if self.index is None else self.index.digest,
             "seed": self.seed,

@@ -15,9 +15,11 @@ from cadpose.cli.options import (
     DetectorName,
     Device,
     Estimator,
+    IntrinsicsText,
     Json,
     LibraryFolder,
     MasksName,
+    Refine,
     RendererName,
     Seed,
     Similarity,
@@ -32,7 +34,10 @@ def annotate(
         typer.Argument(metavar="PHOTO|DIR|GLOB|LIST.txt|-...", help="Photographs; -: a list on stdin."),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the outputs.")] = Path("runs/annotate"),
-    store: Annotated[str | None, typer.Option("--store", help="Also keep them in sqlite:///file.db.")] = None,
+    store: Annotated[
+        str | None,
+        typer.Option("--store", help="Also keep them in sqlite:///file.db or postgresql+psycopg://..."),
+    ] = None,
     box: Boxes = None,
     polygon: Polygons = None,
     mask: MaskFiles = None,
@@ -51,6 +56,8 @@ def annotate(
     similarity: Similarity = "joint",
     renderer: RendererName = "raster",
     align_to: AlignTo = "box",
+    refine: Refine = "off",
+    intrinsics: IntrinsicsText = "exif",
     estimator: Estimator = "embedded",
     workers: Annotated[
         int, typer.Option("--workers", min=1, max=1024, help="Processes that annotate side by side.")
@@ -84,6 +91,7 @@ def annotate(
     from cadpose.batch.photo_list import named_photos
     from cadpose.batch.run import RunOptions, annotate_job
     from cadpose.cli.annotate_output import RunOutput, complaints
+    from cadpose.intrinsics import Intrinsics
 
     told = objects_told(box, polygon, mask, category, rotation, detections)
     known = None if told is None else told.open()
@@ -100,6 +108,8 @@ def annotate(
         similarity=similarity,
         renderer=renderer,
         align_to=align_to,
+        refine=refine,
+        intrinsics=Intrinsics.from_text(intrinsics),
         estimator=estimator,
         categories=None if told or not category else tuple(category),
         detector=detector,

@@ -94,6 +94,32 @@ AlignTo = Annotated[
     ),
 ]
 
+Refine = Annotated[
+    Literal["off", "fast", "full"],
+    typer.Option("--refine", help="Render and compare about the fitted pose: full takes longer."),
+]
+
+
+def _known_intrinsics(text: str) -> str:
+    from cadpose.errors import InputError
+    from cadpose.intrinsics import Intrinsics
+
+    try:
+        Intrinsics.from_text(text)
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from None
+    return text
+
+
+IntrinsicsText = Annotated[
+    str,
+    typer.Option(
+        "--intrinsics",
+        callback=_known_intrinsics,
+        help="The photos' camera: off, exif, FOCAL or FOCAL,X,Y in pixels, or a JSON file by photo.",
+    ),
+]
+
 
 def make_annotator(
     library: Path | None,
