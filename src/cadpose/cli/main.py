@@ -15,11 +15,14 @@ from cadpose.cli import (
     bench,
     blender,
     dataset,
+    db,
     detect,
     detectors,
     doctor,
     evaluate,
     experiment,
+    export,
+    import_,
     library,
     synth,
     train,
@@ -67,7 +70,10 @@ app.add_typer(evaluate.app, name="evaluate")
 app.add_typer(experiment.app, name="experiment")
 app.add_typer(library.app, name="library")
 app.add_typer(dataset.app, name="dataset")
+app.add_typer(db.app, name="db")
 app.command("doctor")(doctor.doctor)
+app.command("export")(export.export)
+app.command("import")(import_.import_)
 app.command("bench")(bench.bench)
 app.command("synth")(synth.synth)
 app.add_typer(train.app, name="train")
