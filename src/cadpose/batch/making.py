@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from cadpose.annotations.document import AnnotationDocument
@@ -25,17 +25,14 @@ class Making:
         provenance: What the annotator says of itself, JSON's own types.
         told: Digest of the objects that were told in place of the detector; empty where it looks itself.
         categories: What it looks for.
-        cameras: What is known of the photos' cameras, JSON's own types.
     """
 
     provenance: Mapping[str, Any]
     told: str = ""
     categories: tuple[str, ...] = ()
-    cameras: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "provenance", plain_json(dict(self.provenance)))
-        object.__setattr__(self, "cameras", plain_json(dict(self.cameras)))
 
     @property
     def key(self) -> str:
@@ -43,7 +40,7 @@ class Making:
         # A detector that is not asked does not matter, nor what it would look for.
         provenance = {k: v for k, v in self.provenance.items() if not (self.told and k == "detector")}
         wanted = [] if self.told else sorted(self.categories)
-        text = json.dumps([provenance, self.told, wanted, self.cameras], sort_keys=True)
+        text = json.dumps([provenance, self.told, wanted], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def made(self, document: AnnotationDocument) -> bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 
 from cadpose.annotations.files import OutputPaths
@@ -53,8 +52,7 @@ class PhotoWorker:
     ) -> None:
         self.annotator, self.detections, self.store = annotator, detections, store
         told = told or ("somebody" if detections is not None else "")
-        cameras = asdict(annotator.intrinsics)
-        self.making = Making(annotator.provenance(), told, annotator.categories, cameras)
+        self.making = Making(annotator.provenance(), told, annotator.categories)
 
     def close(self) -> None:
         """Close the store."""
