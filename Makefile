@@ -1,6 +1,7 @@
 # make demo   sets everything up and annotates real photographs
 # make test   lint, types and every test; those of training need PyTorch, see docs/dependencies.md
 # make blender  the optional Blender renderer (GPL-3) in a virtualenv of its own; its tests run when it is there
+# make ray  Ray Data for `annotate --executor ray`; its tests run when it is there
 # make postgres  a PostgreSQL server of Debian's; the store's tests run on it too when it is there
 # make browser  Chromium, three.js and the glTF validator, for the test of exported scenes in a real viewer
 # make detectors  what DetectoRS needs but for its weights (PyTorch among it); its tests run when it is there
@@ -11,7 +12,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 APT    := $(shell [ "$$(id -u)" = 0 ] || echo sudo) apt-get
 
-.PHONY: demo test test-fast lint models blender postgres browser detectors clean
+.PHONY: demo test test-fast lint models blender postgres browser ray detectors clean
 
 demo: $(VENV)/.demo models
 	$(BIN)/cadpose library add sweethome3d
@@ -55,6 +56,9 @@ browser: $(VENV)/.test
 	cd $(VENV)/browser && npm pack --silent three@0.187.0 gltf-validator@2.0.0-dev.3.10 \
 		&& for name in three gltf-validator; do \
 			mkdir $$name && tar -xzf $$name-[0-9]*.tgz -C $$name --strip-components 1 || exit 1; done
+
+ray: $(VENV)/.test
+	$(BIN)/python -m pip install -q -e '.[ray]'
 
 detectors: $(VENV)/.test
 	$(BIN)/python -m pip install -q -e '.[detectors]'
