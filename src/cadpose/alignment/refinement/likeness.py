@@ -28,8 +28,8 @@ class Weights:
     """
 
     features: float = 1.0
-    silhouette: float = 0.5
-    outline: float = 0.2
+    silhouette: float = 1.0
+    outline: float = 0.5
 
 
 @dataclass(frozen=True, eq=False)
