@@ -123,7 +123,7 @@ def test_provenance_names_everything_that_took_part(annotator: Annotator, hatch:
         "similarity": annotator.similarity.name,
         "renderer": "raster-2x2",
         "align_to": "box",
-        "refine": "off",
+        "refine": "fast",
         "intrinsics": "exif",
         "candidates": 10,
         "index": None,

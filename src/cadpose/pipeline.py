@@ -109,7 +109,7 @@ class Annotator:
         index: LibraryIndex | None = None,
         categories: Sequence[str] | None = None,
         align_to: str = "box",
-        refine: str = "off",
+        refine: str = "fast",
         intrinsics: Intrinsics | None = None,
         device: str = "cpu",
         seed: int = 0,
@@ -331,6 +331,7 @@ class Annotator:
                 self.library.mesh(best.cad),
                 best.rotation,
                 symmetry=self.library.symmetry(best.cad) if self.placement.refine != "off" else None,
+                turn=detection.rotation is None,
                 camera=self.intrinsics.camera_of(photo),
                 diagonal_m=None if size is None else float(np.linalg.norm(size)) / 100.0,
             )

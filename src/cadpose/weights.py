@@ -95,6 +95,7 @@ REGISTRY: dict[str, Weights] = {
         _shipped("rotation", "eefdd74972d18cf10d50128c94ecd9eb1e457dc4937949ff0bb0998c76f0d5f6", 15_624_549),
         _shipped("embedding", "e75950851c8e50446d5f8c6fe4159032e8f2bf54a4a6a2c5f9e1bd77d536c05c", 3_754_164),
         _shipped("masks", "83c3b13f276b7f0236f7e246b925762e1fc19ed49541b6577a78728cc855f6df", 1_958_472),
+        _shipped("refinement", "1973603132a8cf0eca47dbc702b84b9ca6f0e67d65642463c3251243971749e0", 1_342_506),
         # The package's metadata names no licence: it is a dependency and never copied into this project.
         Weights(
             name="ssd-mobilenet-v2-coco",

@@ -93,6 +93,16 @@ def test_an_overlap_does_not_depend_on_the_photos_size(small_library: Library, s
     assert rectangle(pose, mesh).width == pytest.approx(shot.box.width, abs=2.0)
 
 
+def test_a_known_rotation_is_kept_to_the_bit(small_library: Library, shot: Shot) -> None:
+    near = Rotation(308.0, 6.0)
+    placed = Placement(Rasteriser(), refiner=Refiner(lite0()), refine="full").place(
+        shot.photo, shot.box, shot.mask, small_library.mesh(shot.cad), near, turn=False
+    )
+    assert placed.pose.rotation == near
+    assert placed.refinement is not None
+    assert placed.refinement.score > placed.refinement.start_score
+
+
 @pytest.mark.parametrize("words", [{"align_to": "eye"}, {"refine": "much"}, {"refine": "fast"}])
 def test_unknown_words_are_refused(words: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"must be one of|needs a refiner"):

@@ -78,6 +78,7 @@ class Placement:
         rotation: Rotation,
         *,
         symmetry: SymmetryGroup | None = None,
+        turn: bool = True,
         camera: PhotoCamera | None = None,
         diagonal_m: float | None = None,
     ) -> Placed:
@@ -90,6 +91,7 @@ class Placement:
             mesh: The model.
             rotation: The three angles.
             symmetry: Of the model, for refinement.
+            turn: Whether refinement may change the rotation.
             camera: The camera that took the photo, if known.
             diagonal_m: The model's diagonal in metres, if known.
 
@@ -102,7 +104,7 @@ class Placement:
             whole = Pose6Dof.from_4dof(pose, camera, diagonal_m)
         if self.refine != "off" and self.refiner is not None:
             crop = ObjectCrop.of(photo.rgb, box, mask)
-            refine = partial(self.refiner.refine, crop, render=partial(self.renderer.render, mesh))
+            refine = partial(self.refiner.refine, crop, render=partial(self.renderer.render, mesh), turn=turn)
             refined = refine(pose, mode=self.refine, symmetry=symmetry)
             pose, changed = refined.pose, refined.record
             if camera is not None:

@@ -56,7 +56,7 @@ def annotate(
     similarity: Similarity = "joint",
     renderer: RendererName = "raster",
     align_to: AlignTo = "box",
-    refine: Refine = "off",
+    refine: Refine = "fast",
     intrinsics: IntrinsicsText = "exif",
     estimator: Estimator = "embedded",
     workers: Annotated[

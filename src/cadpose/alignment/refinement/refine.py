@@ -85,6 +85,7 @@ class Refiner:
         *,
         symmetry: SymmetryGroup | None = None,
         seen: Seen = in_virtual_camera,
+        turn: bool = True,
     ) -> Refined:
         """The pose near ``start`` at which the model looks most like the photo.
 
@@ -95,13 +96,15 @@ class Refiner:
             mode: ``"fast"`` or ``"full"``.
             symmetry: Of the model: what a turn does not change is left as it is.
             seen: How a pose is seen; in the photo's own camera where that is known.
+            turn: Whether the rotation may change; one that is known may not.
 
         Raises:
             ValueError: the mode is another word, or the start cannot be drawn.
         """
         if mode not in MODES[1:]:
             raise ValueError(f"a refinement is fast or full, not {mode!r}")
-        search = _Search(crop, Likeness(crop, self.encoder, self.weights), render, seen, symmetry)
+        likeness = Likeness(crop, self.encoder, self.weights)
+        search = _Search(crop, likeness, render, seen, SymmetryGroup.sphere() if not turn else symmetry)
         search.begin(start)
         error = None if self.network is None else _advised(search, self.network)
         if mode == "full":

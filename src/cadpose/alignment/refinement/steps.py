@@ -25,12 +25,13 @@ def stepped(pose: Pose4Dof, step: FloatArray, side: float) -> Pose4Dof:
         side: Pixels of the photo that count as 1.
     """
     angle = float(np.linalg.norm(step[:3]))
-    R_cv_from_s = pose.rotation.to_matrix()
+    rotation = pose.rotation
     if angle > 0.0:
-        R_cv_from_s = rotation_about(step[:3], np.degrees(angle)) @ R_cv_from_s
+        R_cv_from_s = rotation_about(step[:3], np.degrees(angle)) @ rotation.to_matrix()
+        rotation = Rotation.from_matrix(R_cv_from_s)
     x, y = pose.principal_px
     return Pose4Dof(
-        Rotation.from_matrix(R_cv_from_s),
+        rotation,
         pose.focal_px * float(np.exp(step[3])),
         (x + side * float(step[4]), y + side * float(step[5])),
         pose.t_z,
