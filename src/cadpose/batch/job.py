@@ -48,7 +48,7 @@ class AnnotatorOptions:
     similarity: str = "joint"
     renderer: str = "raster"
     align_to: str = "box"
-    refine: str = "off"
+    refine: str = "fast"
     intrinsics: Intrinsics | None = None
     candidates: int = 10
     categories: tuple[str, ...] | None = None
