@@ -84,6 +84,8 @@ def _object(photo: Photo, part: AnnotationPart, views: Views, number: int) -> st
         f"principal point ({pose.principal_px[0]:.1f}, {pose.principal_px[1]:.1f})",
         "Confidence": _confidence(part),
         "Model's chance": _chance(part),
+        "Verdict": _verdict(part),
+        "Distance": _distance(part),
         "IoU": f"box {part.box_iou:.2f}{mask}",
         "Model": cad.id,
         "Licence": " · ".join(text for text in (cad.licence, cad.creator, cad.source) if text),
@@ -110,6 +112,24 @@ def _chance(part: AnnotationPart) -> str:
         return ""
     told = f"{first:.2f} to be the object's own, {none:.2f} that none of these is"
     return f"none of these; {told}" if none > 0.5 else told
+
+
+def _verdict(part: AnnotationPart) -> str:
+    """What may be done with it; empty where nothing is told."""
+    if part.verdict is None or part.confidence is None:
+        return ""
+    return f"{part.verdict.replace('_', ' ')}, {part.confidence:.2f} that rotation and model are both right"
+
+
+def _distance(part: AnnotationPart) -> str:
+    """How far away the object is; empty where the camera is unknown."""
+    whole = part.pose_6dof
+    if whole is None:
+        return ""
+    camera = f"focal length {whole.camera.focal_px:.0f} px, {whole.camera.source}"
+    if whole.t_m is not None:
+        return f"{sum(v * v for v in whole.t_m) ** 0.5:.2f} m ({camera})"
+    return f"{sum(v * v for v in whole.t_cv) ** 0.5:.2f} times the model's diagonal ({camera})"
 
 
 def _confidence(part: AnnotationPart) -> str:

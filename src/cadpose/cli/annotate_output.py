@@ -25,6 +25,7 @@ _COLUMNS = [
     "probability",
     "focal length",
     "box IoU",
+    "verdict",
     "flags",
 ]
 
@@ -166,6 +167,7 @@ def _rows(outcome: PhotoOutcome, named: bool) -> list[list[str]]:
                 f"needs review {probability}" if found.needs_review else probability,
                 f"{found.focal_px:.0f} px",
                 f"{found.box_iou:.2f}",
+                "" if found.verdict is None else f"{found.verdict.replace('_', ' ')} {found.confidence:.2f}",
                 " ".join(flags_of(found)),
             ]
         )
