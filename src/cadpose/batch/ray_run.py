@@ -1,8 +1,9 @@
 """The same run over a Ray cluster: Ray Data hands the photos to actors, each with its models loaded once.
 
 Photos, library and output folder lie on a file system that all nodes share. Actors write the outputs
-themselves, as local workers do, so that what is lost with an actor or a node is the photos that it held;
-those are tried once more, one at a time, and have failed if that fails too.
+themselves, as local workers do, so that what is lost with an actor or a node is the photos that it held. Ray
+gives their piece to another actor, again and again; a note beside the outputs says how often a photo was
+begun, so that one that ends its actor twice has failed.
 """
 
 from __future__ import annotations
@@ -11,13 +12,15 @@ import logging
 import math
 import os
 import pickle
+import secrets
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from cadpose.annotations.files import OutputPaths
 from cadpose.batch.failures import record_failure
 from cadpose.batch.job import Job
 from cadpose.batch.journal import Journal
@@ -32,6 +35,9 @@ log = logging.getLogger(__name__)
 
 #: Photos that an actor holds at once.
 _PIECE = 4
+#: So often a photo may be begun.
+_TRIES = 2
+_BEGUN, _DONE = b"x", b"."
 #: Environment that decides what a run does, and so goes to the actors.
 _PASSED_ON = ("CADPOSE_", "NUMBA_CACHE_DIR", "PYTHONPATH")
 _QUIET = {
@@ -62,6 +68,7 @@ class RayPool:
             "folder": str(Path.cwd()),
             "level": logging.getLogger("cadpose").getEffectiveLevel(),
             "timeout": photo_timeout,
+            "run": secrets.token_hex(4),
         }
         self._making: Making | None = None
 
@@ -89,45 +96,28 @@ class RayPool:
         Raises:
             CadposeError: something is missing that every photo needs, or the store cannot be written.
         """
-        left = {str(task.photo): task for task in tasks}
-        for piece in (_PIECE, 1):
-            for outcome in self._pass(list(left.values()), piece) if left else ():
-                del left[str(outcome.photo)]
-                yield outcome
-        store = self._job.open_store() if left else None
-        try:
-            for task in left.values():
-                reason = "its worker died or took too long, twice, the second time with no other photo"
-                yield record_failure(task.photo, task.paths, "worker", reason, self.making().key, store)
-        finally:
-            if store is not None:
-                store.close()
-
-    def _pass(self, tasks: Sequence[Task], piece: int) -> Iterator[PhotoOutcome]:
+        if not tasks:
+            return
         import ray
         from ray.data import ActorPoolStrategy, DataContext
 
-        # A piece whose actor dies is given up; its photos come again in the next pass.
         context = DataContext.get_current()
-        context.max_errored_blocks = -1
         context.enable_progress_bars = False
-        context.actor_init_retry_on_errors = False
         items = [{"task": pickle.dumps(task)} for task in tasks]
-        photos = ray.data.from_items(items, override_num_blocks=math.ceil(len(items) / piece))
+        photos = ray.data.from_items(items, override_num_blocks=math.ceil(len(items) / _PIECE))
         done = photos.map_batches(
             _Actor,
-            fn_constructor_kwargs={"settings": self._settings, "again": piece == 1},
+            fn_constructor_kwargs={"settings": self._settings},
             compute=ActorPoolStrategy(size=self._workers, max_tasks_in_flight_per_actor=1),
-            batch_size=piece,
+            batch_size=_PIECE,
             batch_format="numpy",
             num_cpus=1,
-            max_restarts=-1,
-            max_task_retries=0,
         )
         for row in done.iter_rows():
             told = pickle.loads(row["outcome"])  # made by our own actor a moment ago
             if isinstance(told, CadposeError):
                 raise told
+            _Note(self._settings["run"], told.paths).remove()
             yield told
 
 
@@ -174,38 +164,72 @@ def ray_cluster() -> Iterator[None]:
         ray.shutdown()
 
 
+class _Note:
+    """How often a photo was begun in a run, kept beside its outputs until the run has its outcome."""
+
+    def __init__(self, run: str, paths: OutputPaths) -> None:
+        # Swept away as any other leftover where the run is killed.
+        self._path = paths.json.with_name(f".cadpose-{run}-{paths.stem}.part")
+
+    def read(self) -> tuple[int, bool]:
+        """So often, and whether the last time came to an end."""
+        try:
+            told = self._path.read_bytes()
+        except OSError:
+            return 0, False
+        return told.count(_BEGUN), told.endswith(_DONE)
+
+    def add(self, what: bytes) -> None:
+        """Begun once more, or done."""
+        with suppress(OSError), self._path.open("ab") as file:
+            file.write(what)
+
+    def remove(self) -> None:
+        """The photo is done."""
+        with suppress(OSError):
+            self._path.unlink(missing_ok=True)
+
+
 class _Actor:
     """A worker of the run in an actor of Ray Data."""
 
-    def __init__(self, settings: dict[str, Any], again: bool) -> None:
+    def __init__(self, settings: dict[str, Any]) -> None:
         self._worker = _worker(settings)
         self._timeout: float | None = settings["timeout"]
-        self._again = again
+        self._run: str = settings["run"]
 
     def __call__(self, batch: dict[str, Any]) -> dict[str, Any]:
         import numpy as np
 
         told: list[bytes] = []
         for packed in batch["task"]:
-            task: Task = pickle.loads(packed)
             try:
-                outcome: object = self._annotate(task)
+                outcome: object = self._annotate(pickle.loads(packed))  # made by our own driver
             except CadposeError as error:
                 outcome = error
             told.append(pickle.dumps(outcome))
         return {"outcome": np.array(told, dtype=object)}
 
     def _annotate(self, task: Task) -> PhotoOutcome:
-        if self._again:
-            # Another photo of its piece may have cost the actor its life after this one was done.
+        note = _Note(self._run, task.paths)
+        begun, done = note.read()
+        if begun:
+            # Its piece comes again: another photo of it may have ended the actor after this one was done.
             journal = Journal(task.paths.json.parent)
             earlier = Earlier(journal.records())
-            resume = Resume(earlier, self._worker.making, journal, retry_failed=True)
-            done = resume.outcome(task.photo, task.paths)
-            if done is not None:
-                return replace(done, resumed=False)
+            resume = Resume(earlier, self._worker.making, journal, retry_failed=not done)
+            outcome = resume.outcome(task.photo, task.paths)
+            if outcome is not None:
+                return replace(outcome, resumed=False)
+        if begun >= _TRIES and not done:
+            reason = f"its worker died or took too long, {_TRIES} times"
+            making, store = self._worker.making, self._worker.store
+            return record_failure(task.photo, task.paths, "worker", reason, making.key, store)
+        note.add(_BEGUN)
         with _no_longer_than(self._timeout):
-            return self._worker.annotate(task)
+            outcome = self._worker.annotate(task)
+        note.add(_DONE)
+        return outcome
 
 
 def _worker(settings: dict[str, Any]) -> PhotoWorker:
