@@ -2,9 +2,9 @@
 
     python scripts/check_annotation_trust.py cars/pairs.json --gallery cars/gallery.json
 
-Every labelled object is annotated in its labelled box with the gallery's models to choose among. An annotation
-counts as right by its rotation and model; its silhouette is compared with the labelled mask, or where none is
-labelled with the estimated one, which says less.
+Every labelled object is annotated in its labelled box with the gallery's models to choose among. Whether
+the annotation is right is decided as cadpose.alignment.trust defines it; where no mask is labelled, the
+silhouette is compared with the estimated one, which says less.
 """
 
 from __future__ import annotations
