@@ -69,6 +69,8 @@ def test_nonsense_is_refused_with_what_may_be_written(text: str) -> None:
         '{"a": {"focal_px": "5"}}',
         '{"a": {"focal_px": true}}',
         '{"a": {"focal_px": 0}}',
+        '{"a": {"focal_px": 1' + "0" * 400 + "}}",
+        '{"a": {"focal_px": 5, "principal_px": [1' + "0" * 400 + ", 1]}}",
         '{"a": {"focal_px": NaN}}',
         '{"a": {"focal_px": 5, "principal_px": [1]}}',
         '{"a": {"focal_px": 5, "principal_px": [1, "x"]}}',

@@ -105,17 +105,19 @@ def _camera(entry: Any, where: str) -> tuple[float, tuple[float, float] | None]:
     if isinstance(focal, bool) or not isinstance(focal, int | float):
         raise InputError(f"{where}: focal_px must be a number of pixels")
     if principal is None:
-        return _checked(float(focal), None, where)
+        return _checked(focal, None, where)
     numbers = isinstance(principal, list) and len(principal) == 2
     if not numbers or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in principal):
         raise InputError(f"{where}: principal_px must be [x, y] in pixels")
-    return _checked(float(focal), (float(principal[0]), float(principal[1])), where)
+    return _checked(focal, (principal[0], principal[1]), where)
 
 
 def _checked(
     focal: float, principal: tuple[float, float] | None, where: str
 ) -> tuple[float, tuple[float, float] | None]:
     try:
+        focal = float(focal)  # an integer of JSON may be too large
+        principal = principal and (float(principal[0]), float(principal[1]))
         PhotoCamera(focal, principal or (0.0, 0.0))
     except (ValueError, OverflowError) as error:
         raise InputError(f"{where} tells no camera: {error}") from error

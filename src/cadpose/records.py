@@ -269,7 +269,8 @@ class Refinement:
         start_score: Score of ``start``; higher is better, comparable within one object only.
         score: Score of the refined pose, at least ``start_score``.
         evaluations: Poses that were drawn and compared.
-        expected_error: Angle in degrees that is expected to be left; None where nothing tells.
+        expected_error: Angle in degrees that the network expected to be left after its last step, whichever
+            pose was the best in the end; None where it was not asked.
 
     Raises:
         ValueError: a score is not finite, the refined pose is worse than the start, or the expected error is

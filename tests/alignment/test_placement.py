@@ -69,6 +69,18 @@ def test_a_known_camera_gives_distance_in_diagonals_and_metres(small_library: Li
     assert placed.pose_6dof.camera == camera
 
 
+def test_a_camera_that_would_stand_in_the_model_gives_no_distance(
+    small_library: Library, shot: Shot, caplog: pytest.LogCaptureFixture
+) -> None:
+    # Millimetres taken for pixels.
+    placed = Placement(Rasteriser(), refiner=Refiner(lite0()), refine="fast").place(
+        shot.photo, shot.box, shot.mask, small_library.mesh(shot.cad), shot.rotation,
+        camera=PhotoCamera(35.0, (200.0, 150.0)), diagonal_m=5.0,
+    )  # fmt: skip
+    assert placed.pose_6dof is None
+    assert "inside the object" in caplog.text
+
+
 def test_a_refined_pose_in_the_known_camera_is_refined_there(small_library: Library, shot: Shot) -> None:
     camera = PhotoCamera(3.0 * shot.focal_px, (200.0, 150.0))
     placed = Placement(Rasteriser(), refiner=Refiner(lite0()), refine="fast").place(

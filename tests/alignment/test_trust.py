@@ -120,3 +120,14 @@ def test_another_file_is_refused_by_name(text: str) -> None:
 def test_thresholds_out_of_order_are_refused(trust: Trust) -> None:
     with pytest.raises(ValueError, match="not in order"):
         replace(trust, accept=0.2, reject=0.5)
+
+
+def test_the_shipped_one_was_fitted() -> None:
+    shipped = Trust.shipped()
+    assert np.abs(shipped.model.weights).max() > 0.3
+    assert 0.1 < shipped.reject < shipped.accept < 0.99
+    good, poor = annotation(mask_iou=0.97), annotation(mask_iou=0.4)
+    told = [shipped.of(one) for one in (good, poor)]
+    assert told[0] is not None
+    assert told[1] is not None
+    assert told[0][0] > 0.7 > 0.3 > told[1][0]

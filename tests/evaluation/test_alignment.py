@@ -73,7 +73,7 @@ def test_a_photo_of_the_model_at_its_rotation_is_met(outcomes: list[AlignmentOut
             assert score.box_iou > 0.93
             assert score.add is not None
             assert score.add < 0.02
-        assert outcome.scores["fast"].silhouette_iou >= outcome.scores["off"].silhouette_iou - 1e-3
+        assert outcome.scores["fast"].silhouette_iou >= outcome.scores["off"].silhouette_iou - 5e-3
 
 
 def test_tables_and_report_tell_every_way(outcomes: list[AlignmentOutcome], tmp_path: Path) -> None:

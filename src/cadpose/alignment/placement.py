@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from functools import partial
 
@@ -19,6 +20,8 @@ from cadpose.library.mesh import Mesh
 from cadpose.poses import PhotoCamera, Pose4Dof, Pose6Dof, Rotation
 from cadpose.records import Mask, Photo, Refinement
 from cadpose.rendering import Renderer
+
+log = logging.getLogger(__name__)
 
 #: Ways to fit the focal length.
 ALIGNMENTS = ("box", "paper", "mask")
@@ -101,16 +104,22 @@ class Placement:
         pose = self.fit(box, mask, mesh, rotation)
         changed, whole = None, None
         if camera is not None:
-            whole = Pose6Dof.from_4dof(pose, camera, diagonal_m)
+            whole = _before(Pose6Dof.from_4dof(pose, camera, diagonal_m), mesh)
+            if whole is None:
+                log.warning(
+                    "%s: a focal length of %.0f px puts the camera inside the object: no distance is told",
+                    photo.name,
+                    camera.focal_px,
+                )
         if self.refine != "off" and self.refiner is not None:
             crop = ObjectCrop.of(photo.rgb, box, mask)
             refine = partial(self.refiner.refine, crop, render=partial(self.renderer.render, mesh), turn=turn)
             refined = refine(pose, mode=self.refine, symmetry=symmetry)
             pose, changed = refined.pose, refined.record
-            if camera is not None:
+            if camera is not None and whole is not None:
                 # Perspective differs from that at two diagonals: the real camera's pose is one of its own.
                 own = refine(pose, mode=self.refine, symmetry=symmetry, seen=in_photo_camera(camera))
-                whole = Pose6Dof.from_4dof(own.pose, camera, diagonal_m)
+                whole = _before(Pose6Dof.from_4dof(own.pose, camera, diagonal_m), mesh)
         drawn = np.array(rectangle(pose, mesh).to_tuple())
         return Placed(
             pose,
@@ -155,6 +164,11 @@ class Placement:
         given = mask[rows.clip(0, mask.shape[0] - 1)[:, None], columns.clip(0, mask.shape[1] - 1)] & inside
         # Beyond the photo nothing is known: what the model covers there does not count.
         return mask_iou(silhouette & inside, given)
+
+
+def _before(pose: Pose6Dof, mesh: Mesh) -> Pose6Dof | None:
+    """The pose, or None where a part of the model lies at or behind the camera."""
+    return pose if np.isfinite(pose.project(mesh.hull)).all() else None
 
 
 def rectangle(pose: Pose4Dof | Pose6Dof, mesh: Mesh) -> Box:

@@ -125,7 +125,7 @@ def alignment(
         facts={
             "CAD model": "as labelled" if cad == "true" else "chosen by the ranking",
             "Start": "labelled rotation" if rotation == "true" else f"estimated ({annotator.rotation.name})",
-            "Masks given": "labelled" if labelled_masks else annotator.masks.name,
+            "Masks given": "labelled where they are" if labelled_masks else annotator.masks.name,
             "Silhouettes compared with": f"{compared} labelled masks, {len(outcomes) - compared} estimated",
             "Focal length fitted to": align_to,
         },

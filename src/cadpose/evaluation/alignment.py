@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cadpose.alignment.placement import Placement, rectangle
+from cadpose.alignment.refinement.likeness import Weights
 from cadpose.alignment.refinement.refine import Refiner
 from cadpose.datasets.label import Label, RunLengths, mask_in_photo, object_in_photo
 from cadpose.encoder import lite0
@@ -115,7 +116,8 @@ def evaluate_alignment(
     outcomes: list[AlignmentOutcome] = []
     failures: list[tuple[str, str]] = []
     # The ceiling is a fit of silhouettes; features and network have no part in it.
-    fit = Placement(annotator.renderer, refiner=Refiner(lite0()), refine="fast")
+    silhouettes = Refiner(lite0(), weights=Weights(features=0.0))
+    fit = Placement(annotator.renderer, refiner=silhouettes, refine="fast")
     for label in labels:
         try:
             outcomes.append(_placed(label, annotator, ways, fit))
@@ -148,7 +150,7 @@ def _placed(label: Label, annotator: Annotator, ways: Ways, fit: Placement) -> A
         add(name, found.pose, placed, time.perf_counter() - begun)
     if label.rotation is not None:
         begun = time.perf_counter()
-        best = fit.place(photo, box, truth, true.mesh, label.rotation, symmetry=true.symmetry)
+        best = fit.place(photo, box, truth, true.mesh, label.rotation, turn=False)
         add(CEILING, best.pose, true, time.perf_counter() - begun)
     return AlignmentOutcome(label, box, placed.id, runs_of(truth), labelled is not None, scores, outlines)
 

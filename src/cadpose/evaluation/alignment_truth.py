@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
 import numpy as np
+from trimesh.exchange.ply import load_ply
 
 from cadpose.datasets.label import Label
 from cadpose.errors import InputError
@@ -35,7 +37,8 @@ class TrueModel:
         symmetry: The rotations that leave it as it looks.
         cad: Its catalogue entry; None where it is a data set's own file.
         file_diagonal: Length of that file's bounding box's diagonal in its own unit.
-        file_centre: (3,) middle of that box in the file's axes; None where it is not known.
+        file_centre: (3,) middle of that box in the file's unit, turned to ShapeNet's axes; None where it is
+            not known.
     """
 
     id: str
@@ -57,7 +60,8 @@ class TrueModel:
             axes = label.cad_axes
             turn = np.eye(3) if axes is None else rotation_from_axes(*axes)
             mesh, scale = normalise(load_mesh_file(label.cad_path), turn)
-            centre = None if axes is not None else _obj_centre(label.cad_path)
+            centre = _centre(label.cad_path)
+            centre = None if centre is None else turn @ centre
             return cls(label.cad or str(label.cad_path), mesh, mesh_symmetry(mesh), None, 1.0 / scale, centre)
         if label.cad is None:
             raise InputError(f"{label.photo}: the label names no CAD model")
@@ -93,18 +97,19 @@ def true_pixels(label: Label, model: TrueModel) -> FloatArray | None:
     return np.asarray(pixels[:, :2] / pixels[:, 2:])
 
 
-def _obj_centre(path: Path) -> FloatArray | None:
-    """Middle of an OBJ file's bounding box; loading moves it to the origin."""
-    if path.suffix.lower() != ".obj":
+def _centre(path: Path) -> FloatArray | None:
+    """Middle of an OBJ or PLY file's bounding box in its own axes; loading moves it to the origin."""
+    suffix = path.suffix.lower()
+    if suffix not in (".obj", ".ply"):
         return None
-    rows = [
-        line.split()[1:4]
-        for line in read_capped(path, DEFAULT_LIMITS.file_bytes).splitlines()
-        if line.startswith(b"v ")
-    ]
+    data = read_capped(path, DEFAULT_LIMITS.file_bytes)
     try:
-        vertices = np.array(rows, np.float64)
-    except ValueError:
+        if suffix == ".ply":
+            vertices = np.asarray(load_ply(io.BytesIO(data))["vertices"], np.float64)
+        else:
+            rows = [line.split()[1:4] for line in data.splitlines() if line.startswith(b"v ")]
+            vertices = np.array(rows, np.float64)
+    except (ValueError, KeyError):
         return None
     if vertices.ndim != 2 or vertices.shape[1:] != (3,) or not np.isfinite(vertices).all():
         return None

@@ -35,10 +35,7 @@ class Ring(Generic[T]):
         """Put a chunk in the place of the oldest examples."""
         new = chunk.fields()
         if self._kept is None:
-            room = [
-                torch.empty((self.capacity, *t.shape[1:]), dtype=t.dtype, device=self.device) for t in new
-            ]
-            self._kept = type(chunk)(*room)
+            self._kept = type(chunk)(*(self._room(t) for t in new))
         at = (torch.arange(self.entered, self.entered + len(new[0])) % self.capacity).to(self.device)
         for kept, values in zip(self._kept.fields(), new, strict=True):
             kept[at] = values.to(self.device, non_blocking=True)

@@ -8,7 +8,7 @@ import pytest
 
 from cadpose.alignment.refinement.crop import ObjectCrop
 from cadpose.alignment.refinement.network import Advice, RefinementNetwork
-from cadpose.alignment.refinement.refine import Refined, Refiner
+from cadpose.alignment.refinement.refine import BOUNDS, Refined, Refiner
 from cadpose.alignment.refinement.steps import in_photo_camera
 from cadpose.encoder import lite0
 from cadpose.geometry.boxes import mask_iou
@@ -102,6 +102,16 @@ def test_advice_that_cannot_be_drawn_ends_the_asking(small_library: Library, sho
     crop = ObjectCrop.of(shot.photo.rgb, shot.box, shot.mask)
     with pytest.raises(ValueError, match="behind"):
         Refiner(lite0()).refine(crop, near, render)  # type: ignore[arg-type]
+
+
+def test_one_step_of_the_network_stays_within_bounds(small_library: Library, shot: Shot) -> None:
+    nothing = [0.0] * 6
+    wild = [2.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    start = Pose4Dof(Rotation(40.0, 12.0 + np.degrees(BOUNDS[0])), TRUE.focal_px, TRUE.principal_px)
+    back = start.rotation.error_to(TRUE.rotation)
+    found = refined(small_library, shot, start, "fast", Told([wild, nothing, nothing]))
+    assert start.rotation.error_to(found.pose.rotation) <= np.degrees(BOUNDS[0]) + 1e-6
+    assert back == pytest.approx(np.degrees(BOUNDS[0]))
 
 
 def test_a_body_of_revolution_is_never_turned_about_its_axis(small_library: Library, shot: Shot) -> None:

@@ -62,6 +62,9 @@ class Likeness:
         self.crop, self.encoder, self.weights = crop, encoder, weights or Weights()
         self.map16 = encoder.stride16(crop.rgb[None])[0]
         self._unit = _unit(self.map16)
+        self._inside = cv2.resize(
+            crop.inside.astype(np.float32), (_CELLS, _CELLS), interpolation=cv2.INTER_AREA
+        )
         self._outline = None if crop.mask is None else _distances(crop.mask, crop.inside)
 
     def of(self, views: Views) -> Look:
@@ -76,9 +79,11 @@ class Likeness:
         alpha = views.alpha[0].astype(np.float32) / np.float32(255.0)
         cover = cv2.resize(alpha, (_CELLS, _CELLS), interpolation=cv2.INTER_AREA)
         cosine = (self._unit * _unit(map16)).sum(axis=0)
-        covered = float(cover.sum(dtype=np.float64))
+        # Beyond the photo nothing is known.
+        counted = cover * self._inside
+        covered = float(counted.sum(dtype=np.float64))
         score = self.weights.features * (
-            float((cosine * cover).sum(dtype=np.float64)) / covered if covered else -1.0
+            float((cosine * counted).sum(dtype=np.float64)) / covered if covered else -1.0
         )
         score += self.of_silhouette(alpha)
         return Look(map16, np.asarray(cover, np.float32), alpha, score)

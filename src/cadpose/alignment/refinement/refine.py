@@ -46,6 +46,9 @@ _FIRST = np.array([0.06, 0.06, 0.04, 0.03, 0.015, 0.015])
 #: The same of the silhouette's fit: ln f, shares of the side.
 _PLACE_BOUNDS, _PLACE_FIRST, _PLACE_TRIALS = np.array([0.25, 0.12, 0.12]), np.array([0.04, 0.02, 0.02]), 60
 
+#: A model of diagonal 1 reaches half of it from its middle.
+_LEAST_DISTANCE = 0.5
+
 Render = Callable[[Cameras], Views]
 
 
@@ -135,9 +138,16 @@ class _Search:
         self.start_score = self.best.score
 
     def look(self, pose: Pose4Dof) -> Look:
-        """Draw a pose and compare it."""
+        """Draw a pose and compare it.
+
+        Raises:
+            ValueError: the model's unit ball reaches the camera.
+        """
+        cameras = self.seen(pose)
+        if float(np.linalg.norm(cameras.t_cv[0])) <= _LEAST_DISTANCE:
+            raise ValueError("the model reaches the camera")
         self.drawn += 1
-        return self.likeness.of(self.render(self.crop.cameras(self.seen(pose))))
+        return self.likeness.of(self.render(self.crop.cameras(cameras)))
 
     def tried(self, pose: Pose4Dof) -> Look | None:
         """As :meth:`look`, keeping the pose where it is the best; None where it cannot be drawn."""
@@ -155,10 +165,12 @@ class _Search:
 
 
 def _advised(search: _Search, network: RefinementNetwork) -> float:
+    """Follow the network's advice; what it expected to be left after the last."""
     pose, look, error = search.pose, search.best, 180.0
     for _ in range(LOOKS):
         advice = network.advise(search.likeness.map16, look.map16, look.cover)
-        pose, error = search.changed(pose, advice.step), advice.expected_error
+        pose = search.changed(pose, np.clip(advice.step, -BOUNDS, BOUNDS))
+        error = advice.expected_error
         found = search.tried(pose)
         if found is None:
             break
