@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -100,6 +101,30 @@ def test_photos_and_places(made: Made, documents: Path, tmp_path: Path) -> None:
     (other / "street.png").write_bytes((made.folder / "b/street.png").read_bytes())
     result = cadpose(*told, "--photos", tmp_path / "others", "--force")
     one_sentence(result, "SHA-256 differs")
+
+
+@pytest.mark.parametrize("name", ["bop", "coco"])
+def test_an_import_leaves_what_it_reads(made: Made, documents: Path, tmp_path: Path, name: str) -> None:
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    out = folder / "export"
+    needs = ["--photos", made.folder, "--library", made.library.path]
+    assert cadpose("export", name, "--from", documents, "--out", out, *needs).exit_code == 0
+    before = sorted(folder.rglob("*"))
+    for place in {folder, out} - ({out} if out.is_file() else set()):
+        one_sentence(cadpose("import", name, out, "--out", place, "--force"), "cannot be replaced")
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_an_export_leaves_the_library_that_is_taken_unless_told(
+    made: Made, documents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library = tmp_path / "library"
+    shutil.copytree(made.library.path, library)
+    monkeypatch.setenv("CADPOSE_LIBRARY", str(library))
+    told = ("export", "bop", "--from", documents, "--photos", made.folder, "--force", "--out")
+    one_sentence(cadpose(*told, library), "cannot be replaced")
+    assert Library.open(library).models("car")
 
 
 def test_mistakes(documents: Path, tmp_path: Path) -> None:

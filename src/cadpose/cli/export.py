@@ -77,10 +77,13 @@ def export(
     """Write annotations in the format of another tool."""
     from cadpose.annotations.formats.registry import export as write
     from cadpose.annotations.formats.sources import Sources, chosen
+    from cadpose.library.catalogue import default_path
 
     if (store is None) == (not documents):
         raise typer.BadParameter("name where the annotations are, either with --store or with --from")
-    inputs = [*(documents or ()), *_places(store), *(path for path in (photos, library) if path is not None)]
+    # Replacing the library that is taken unless told would lose it as well.
+    held = [path for path in (photos, library or default_path()) if path is not None]
+    inputs = [*(documents or ()), *_places(store), *held]
     sources = Sources(library, photos, camera == "photo")
     told = chosen(_documents(store, documents), category or (), verdict or ())
     count = write(name, told, out, sources, force=force, inputs=inputs)

@@ -39,7 +39,7 @@ def import_(
                 changed += bool(kept.add(document))
     else:
         assert out is not None
-        read = changed = write_documents(documents_from(name, path), out, force=force)
+        read = changed = write_documents(documents_from(name, path), out, force=force, inputs=[path])
     if json:
         print_json({"format": name, "photos": read, "changed": changed, "to": store or str(out)})
     else:

@@ -82,14 +82,22 @@ def documents_from(name: str, path: Path) -> Iterator[AnnotationDocument]:
     yield from kind.read(path)
 
 
-def write_documents(documents: Iterable[AnnotationDocument], out: Path, *, force: bool = False) -> int:
+def write_documents(
+    documents: Iterable[AnnotationDocument], out: Path, *, force: bool = False, inputs: Iterable[Path] = ()
+) -> int:
     """Write JSON documents into a folder, which is whole or as it was; returns how many.
 
+    Args:
+        documents: One in memory at a time.
+        out: The folder.
+        force: Whether what ``out`` holds may be replaced.
+        inputs: What is read, and so must not be replaced.
+
     Raises:
-        InputError: there is none, or ``out`` is taken.
+        InputError: there is none, or ``out`` is taken or holds an input.
     """
     count = 0
-    with new_folder(out, force) as folder:
+    with new_folder(out, force, list(inputs)) as folder:
         for document in documents:
             write_atomic(folder / f"{file_stem(document)}.json", document.to_json().encode())
             count += 1
