@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from cadpose.annotations.database import selection
 from cadpose.annotations.document import document_from
 from cadpose.annotations.store import Author, QueueItem, Selection, Store
 from cadpose.errors import InputError
@@ -34,19 +35,19 @@ def fill(store: Store, number: int = 25) -> None:
     store.add_many(documents)
 
 
-def numbers(store: Store, selection: Selection) -> list[int]:
+def numbers(store: Store, wanted: Selection) -> list[int]:
     """The photos' numbers, as a list of pages and as a stream: both take the same."""
-    listed = [int(item.photo_name.split(".")[0].rstrip("%")[-2:]) for item in all_items(store, selection, 4)]
-    streamed = [int(a.photo_name.split(".")[0].rstrip("%")[-2:]) for a in store.iter_annotations(selection)]
-    assert sorted(listed) == sorted(streamed) and len(listed) == store.count(selection)
+    listed = [int(item.photo_name.split(".")[0].rstrip("%")[-2:]) for item in all_items(store, wanted, 4)]
+    streamed = [int(a.photo_name.split(".")[0].rstrip("%")[-2:]) for a in store.iter_annotations(wanted)]
+    assert sorted(listed) == sorted(streamed) and len(listed) == store.count(wanted)
     return sorted(listed)
 
 
-def all_items(store: Store, selection: Selection, limit: int) -> list[QueueItem]:
+def all_items(store: Store, wanted: Selection, limit: int) -> list[QueueItem]:
     items: list[QueueItem] = []
     after = None
     while True:
-        page = store.queue(selection, after=after, limit=limit)
+        page = store.queue(wanted, after=after, limit=limit)
         assert len(page.items) <= limit
         items += page.items
         if page.after is None:
@@ -87,7 +88,7 @@ def test_filters_narrow_the_list(store: Store) -> None:
     assert numbers(store, Selection(decided_by="human")) == []
 
 
-def test_text_is_looked_for_in_names(store: Store) -> None:
+def test_text_is_looked_for_in_names(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     expected: dict[str, list[int]] = {
         "yard": list(range(0, 25, 2)),
         "STREET": list(range(1, 25, 2)),
@@ -97,6 +98,9 @@ def test_text_is_looked_for_in_names(store: Store) -> None:
         "nothing": [],
         "' OR 1=1": [],
     }
+    assert {text: numbers(store, Selection(text=text)) for text in expected} == expected
+    # Where many photos match it is asked in another way.
+    monkeypatch.setattr(selection, "_FEW", 3)
     assert {text: numbers(store, Selection(text=text)) for text in expected} == expected
 
 

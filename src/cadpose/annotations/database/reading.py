@@ -51,7 +51,8 @@ def iter_documents(database: Database, original: bool) -> Iterator[AnnotationDoc
 def iter_stored(database: Database, selection: Selection, original: bool) -> Iterator[StoredAnnotation]:
     """Every annotation that the selection takes, by name of its photo."""
     a, p = t.ANNOTATIONS.c, t.PHOTOS.c
-    where = conditions(selection)
+    with database.reading() as connection:
+        where = conditions(connection, selection)
     for found in _pages(database, [sa.exists().where(a.photo_sha256 == p.sha256, *where)]):
         with database.reading() as connection:
             stored = _stored(

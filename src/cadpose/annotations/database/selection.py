@@ -14,6 +14,8 @@ from cadpose.errors import InputError
 #: The verdict of an annotation on which nobody and nothing has decided.
 UNDECIDED = "undecided"
 _MOST = 1000
+#: Photos whose annotations are looked up one by one.
+_FEW = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +54,7 @@ class Selection:
             raise InputError(f"decided_by is human or program, not {self.decided_by!r}")
 
 
-def conditions(selection: Selection) -> list[sa.ColumnElement[bool]]:
+def conditions(connection: sa.Connection, selection: Selection) -> list[sa.ColumnElement[bool]]:
     """The selection on ``annotations``; what does not hold any more is never taken."""
     a = t.ANNOTATIONS.c
     found: list[sa.ColumnElement[bool]] = [a.in_force == sa.true()]
@@ -70,7 +72,7 @@ def conditions(selection: Selection) -> list[sa.ColumnElement[bool]]:
     if selection.decided_by is not None:
         found.append(a.decided_by == selection.decided_by)
     if selection.text:
-        found.append(_named(selection.text))
+        found.append(_named(connection, selection.text))
     return found
 
 
@@ -82,12 +84,18 @@ def _verdict(verdicts: tuple[str, ...]) -> sa.ColumnElement[bool]:
     return sa.or_(*parts)
 
 
-def _named(text: str) -> sa.ColumnElement[bool]:
+def _named(connection: sa.Connection, text: str) -> sa.ColumnElement[bool]:
+    """Names are looked through first: annotations of few matches are looked up, many are met on the way."""
     a, p, c = t.ANNOTATIONS.c, t.PHOTOS.c, t.CADS.c
-    return sa.or_(
-        a.photo_sha256.in_(sa.select(p.sha256).where(p.name.icontains(text, autoescape=True))),
-        a.cad_key.in_(sa.select(c.key).where(c.name.icontains(text, autoescape=True))),
-    )
+    photos = sa.select(p.sha256).where(p.name.icontains(text, autoescape=True))
+    cads = sa.select(c.id).where(c.name.icontains(text, autoescape=True))
+    some = connection.scalars(photos.limit(_FEW + 1)).all()
+    if len(some) > _FEW:
+        return sa.or_(a.photo_sha256.in_(photos), a.cad_id.in_(cads))
+    other = t.ANNOTATIONS.alias().c
+    of_photos = sa.select(other.id).where(other.photo_sha256.in_(some))
+    of_cads = sa.select(other.id).where(other.in_force == sa.true(), other.cad_id.in_(cads))
+    return a.id.in_(sa.union_all(of_photos, of_cads))
 
 
 def item_columns() -> list[sa.ColumnElement[Any]]:
@@ -140,7 +148,7 @@ def page(connection: sa.Connection, selection: Selection, after: str | None, lim
     if not 1 <= limit <= _MOST:
         raise InputError(f"a page holds 1 to {_MOST} annotations, not {limit}")
     a = t.ANNOTATIONS.c
-    chosen = sa.select(a.id, a.priority).where(*conditions(selection))
+    chosen = sa.select(a.id, a.priority).where(*conditions(connection, selection))
     if after is not None:
         chosen = chosen.where(sa.tuple_(a.priority, a.id) > sa.tuple_(*_key(after)))
     # The page's keys first, from the index alone; then what is shown of them.
@@ -164,5 +172,5 @@ def _key(after: str) -> tuple[float, str]:
 
 def count(connection: sa.Connection, selection: Selection) -> int:
     """How many annotations the selection takes."""
-    query = sa.select(sa.func.count()).select_from(t.ANNOTATIONS).where(*conditions(selection))
+    query = sa.select(sa.func.count()).select_from(t.ANNOTATIONS).where(*conditions(connection, selection))
     return int(connection.scalar(query) or 0)

@@ -57,8 +57,8 @@ def settled(decisions: Sequence[Mapping[str, Any]]) -> Verdict:
         if row["cad_after"] is not None:
             edit |= {"cad": row["cad_after"], "measures": row["measures"] or {}}
     people = [row for row in in_order if row["kind"] == "human"]
-    last = _last_word(people) or _last_word(in_order)
     word = _last_word(people)
+    last = word or _last_word(in_order)
     final = word is not None and word["verdict"] in SETTLING
     return Verdict(
         verdict=None if last is None else last["verdict"],
@@ -70,9 +70,9 @@ def settled(decisions: Sequence[Mapping[str, Any]]) -> Verdict:
 
 
 def _last_word(in_order: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
-    """The last that says something; a skip only where there is nothing else."""
+    """The last that says something, None where all are skips."""
     telling = [row for row in in_order if row["verdict"] != "skip"]
-    return telling[-1] if telling else in_order[-1] if in_order else None
+    return telling[-1] if telling else None
 
 
 @dataclass(frozen=True, slots=True)
