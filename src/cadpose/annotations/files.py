@@ -9,7 +9,7 @@ import re
 import secrets
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,8 +30,25 @@ def write_atomic(path: str | os.PathLike[str], data: bytes, option: str = "--out
         CadposeError: the file cannot be written; no trace of it is left.
     """
     target = Path(path)
+    beside = write_beside(target, data, option)
+    with told_as_unwritten(target, option):
+        try:
+            beside.replace(target)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                beside.unlink()
+            raise
+        sync_folder(target.parent)
+
+
+def write_beside(target: Path, data: bytes, option: str = "--out") -> Path:
+    """Write ``data`` to a hidden file beside ``target`` and fsync it; parent folders are made.
+
+    Raises:
+        CadposeError: as of :func:`write_atomic`.
+    """
     beside = target.parent / f".cadpose-{secrets.token_hex(8)}.part"
-    try:
+    with told_as_unwritten(target, option):
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
             # Unlike tempfile's, this file gets the permissions that the user's umask gives.
@@ -39,19 +56,25 @@ def write_atomic(path: str | os.PathLike[str], data: bytes, option: str = "--out
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
-            beside.replace(target)
         except BaseException:
             with contextlib.suppress(OSError):
                 beside.unlink()
             raise
-        _sync_folder(target.parent)
+    return beside
+
+
+@contextlib.contextmanager
+def told_as_unwritten(target: Path, option: str = "--out") -> Iterator[None]:
+    """The system's errors inside become a CadposeError that names ``target`` and ``option``."""
+    try:
+        yield
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise CadposeError(f"cannot write {target}: {reason}; choose another place with {option}") from None
 
 
-def _sync_folder(folder: Path) -> None:
-    # The rename itself lasts only once its folder is on disk; Windows cannot open folders.
+def sync_folder(folder: Path) -> None:
+    """A rename lasts only once its folder is on disk; Windows cannot open folders."""
     if os.name == "posix":
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -60,7 +83,11 @@ def _sync_folder(folder: Path) -> None:
             os.close(handle)
 
 
-def spare_photos(targets: Iterable[str | os.PathLike[str]], photos: Iterable[str | os.PathLike[str]]) -> None:
+def spare_photos(
+    targets: Iterable[str | os.PathLike[str]],
+    photos: Iterable[str | os.PathLike[str]],
+    option: str = "--out",
+) -> None:
     """No output may take the place of a photo of the run: ``car.overlay.png`` beside ``car.jpg``.
 
     Places are compared, not spellings: neither ``photos/../photos`` nor a link hides a photo.
@@ -71,7 +98,9 @@ def spare_photos(targets: Iterable[str | os.PathLike[str]], photos: Iterable[str
     places = {os.path.realpath(photo) for photo in photos}
     for target in targets:
         if os.path.realpath(target) in places:
-            raise InputError(f"{target} is one of the photos and would be written over: choose another --out")
+            raise InputError(
+                f"{target} is one of the photos and would be written over: choose another {option}"
+            )
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 from PIL import Image
 
 from cadpose.annotations.card import card_html
 from cadpose.annotations.document import AnnotationDocument, document_from
-from cadpose.annotations.files import OutputPaths, write_atomic
+from cadpose.annotations.files import OutputPaths, sync_folder, told_as_unwritten, write_beside
 from cadpose.annotations.overlay import draw_overlay, overlay_cameras
 from cadpose.annotations.strip import LIMIT, draw_strips
 from cadpose.annotations.style import jpeg_bytes, png_bytes
@@ -39,25 +42,39 @@ class Drawn:
         """Bytes of the document, then of each picture."""
         return len(self.json), *(len(data) for data in self.pictures)
 
-    def write_pictures(self, paths: OutputPaths) -> None:
-        """Write the pictures; the document that an earlier run left goes first.
+    @contextmanager
+    def beside(self, paths: OutputPaths) -> Iterator[Callable[[], None]]:
+        """Write all files beside their places; what is handed out moves them there.
+
+        What an earlier run left stays until then. In the end no file is left beside its place.
 
         Raises:
-            CadposeError: a file cannot be written.
+            CadposeError: a file cannot be written, or moved.
         """
-        # A document of an earlier run must not vouch for files of this one.
-        with contextlib.suppress(OSError):
+        waiting: dict[Path, Path] = {}
+        try:
+            for path, data in zip(paths.results(), (self.json, *self.pictures), strict=True):
+                waiting[path] = write_beside(path, data)
+            yield partial(_move, waiting, paths)
+        finally:
+            for part in waiting.values():
+                with suppress(OSError):
+                    part.unlink(missing_ok=True)
+
+
+def _move(waiting: Mapping[Path, Path], paths: OutputPaths) -> None:
+    """Move files into place, the document last: its presence says that the photo is done."""
+    with told_as_unwritten(paths.json):
+        # A document of an earlier run must not vouch for files of this one, nor after a power cut.
+        if paths.json.exists():
             paths.json.unlink()
-        for path, data in zip(paths.pictures(), self.pictures, strict=True):
-            write_atomic(path, data)
-
-    def write_document(self, paths: OutputPaths) -> None:
-        """Write the document: its presence says that the photo is done.
-
-        Raises:
-            CadposeError: it cannot be written.
-        """
-        write_atomic(paths.json, self.json)
+            sync_folder(paths.json.parent)
+        for path in paths.pictures():
+            waiting[path].replace(path)
+        for folder in dict.fromkeys(path.parent for path in paths.pictures()):
+            sync_folder(folder)
+        waiting[paths.json].replace(paths.json)
+        sync_folder(paths.json.parent)
 
 
 def draw_outputs(annotator: Annotator, result: PhotoResult) -> Drawn:

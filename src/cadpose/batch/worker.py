@@ -1,7 +1,8 @@
 """One photo of a run, whole: read it, annotate it, draw it, store it, write it.
 
-pictures -> store -> journal -> document: a photo whose document is there is in the store too, and a run that
-is killed on the way does this photo once more, with the same result.
+files beside their places -> store -> journal -> files into place, the document last: a photo whose document
+is there is in the store too, and a run that is killed on the way does this photo once more, with the same
+result. What an earlier run left is touched only when all else is done.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 from cadpose.annotations.files import OutputPaths
@@ -98,24 +100,25 @@ class PhotoWorker:
         self, task: Task, drawn: Drawn, seconds: dict[str, float], mark: tuple[int, int]
     ) -> PhotoOutcome:
         photo, paths, start = task.photo, task.paths, time.perf_counter()
-        try:
-            drawn.write_pictures(paths)
-        except CadposeError as error:
-            return _not_written(photo, paths, error)
-        if self.store is not None:
-            self.store.add(drawn.document)
-        record = record_of(
-            drawn.document,
-            made_with=self.making.key,
-            seconds=seconds | {"write": time.perf_counter() - start},
-            file=mark,
-            output_bytes=drawn.sizes,
-        )
-        try:
-            Journal(paths.json.parent).append(paths.stem, record)
-            drawn.write_document(paths)
-        except CadposeError as error:
-            return _not_written(photo, paths, error)
+        with ExitStack() as files:
+            try:
+                move = files.enter_context(drawn.beside(paths))
+            except CadposeError as error:
+                return _not_written(photo, paths, error)
+            if self.store is not None:
+                self.store.add(drawn.document)
+            record = record_of(
+                drawn.document,
+                made_with=self.making.key,
+                seconds=seconds | {"write": time.perf_counter() - start},
+                file=mark,
+                output_bytes=drawn.sizes,
+            )
+            try:
+                Journal(paths.json.parent).append(paths.stem, record)
+                move()
+            except CadposeError as error:
+                return _not_written(photo, paths, error)
         forget_failure(paths)
         return PhotoOutcome(photo, paths, record)
 
