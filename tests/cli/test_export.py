@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+import sqlite3
 from pathlib import Path
 
 import pytest
 
 from cadpose.annotations.document import AnnotationDocument
 from cadpose.annotations.formats.registry import FORMATS
-from cadpose.annotations.store import Store
+from cadpose.annotations.store import Author, Selection, Store
 from cadpose.library.catalogue import Library
 from tests.annotations.formats.made import Made, make
 from tests.cli.invoking import cadpose, one_sentence, said
@@ -78,6 +79,46 @@ def test_choices(documents: Path, tmp_path: Path) -> None:
         assert len(json.loads(file.read_text())["images"]) == photos
 
 
+def test_what_people_decided_is_what_a_store_gives(made: Made, tmp_path: Path) -> None:
+    url, file = f"sqlite:///{tmp_path / 'a.db'}", tmp_path / "coco.json"
+
+    def exported(*verdicts: str) -> int:
+        options = [word for verdict in verdicts for word in ("--verdict", verdict)]
+        result = cadpose("export", "coco", "--store", url, "--out", file, "--force", "--json", *options)
+        return int(said(result)["annotations"]) if result.exit_code == 0 else 0
+
+    with Store(url) as store:
+        store.add_many(made.documents)
+        assert exported() == 4  # what a program alone rejected is among them
+        items = store.queue(Selection(verdicts=("review",))).items
+        assert len(items) == exported("review") == 2 and exported("reject") == 1
+        store.decide(items[0].annotation_id, "reject", Author("Anna"), expected_version=None)
+        assert (exported(), exported("review"), exported("reject")) == (3, 1, 2)
+        store.decide(items[1].annotation_id, "accept", Author("Anna"), expected_version=None)
+        assert (exported("review"), exported("accept"), exported("accept", "reject")) == (0, 1, 3)
+        assert exported("undecided") == 1 and exported("edit") == 0
+        # Photos and failures stay, unless a verdict is asked for.
+        assert exported() == 3 and len(json.loads(file.read_text())["images"]) == 4
+
+
+def test_an_export_only_reads_the_store(tmp_path: Path) -> None:
+    empty, file = tmp_path / "empty.db", tmp_path / "coco.json"
+    empty.touch()
+    one_sentence(cadpose("export", "coco", "--store", f"sqlite:///{empty}", "--out", file), "holds no store")
+    with sqlite3.connect(empty) as connection:
+        assert connection.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,)
+    connection.close()
+    script = Path(__file__).parents[1] / "annotations/database/first_store.sql"
+    old = tmp_path / "old.db"
+    with sqlite3.connect(old) as connection:
+        connection.executescript(script.read_text(encoding="utf-8"))
+    connection.close()
+    one_sentence(
+        cadpose("export", "coco", "--store", f"sqlite:///{old}", "--out", file), "cadpose db migrate"
+    )
+    assert not list(tmp_path.glob("old.db.before*")) and not file.exists()
+
+
 def test_photos_and_places(made: Made, documents: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     library = ["--library", made.library.path]
@@ -135,6 +176,7 @@ def test_mistakes(documents: Path, tmp_path: Path) -> None:
         ("export", "yolo", "--from", documents, "--out", file),
         ("import", "coco", file),
         ("export", "coco", "--from", documents, "--out", file, "--verdict", "good"),
+        ("export", "coco", "--out", file, "--from", documents, "--verdict", "accept"),
     ):
         assert cadpose(*words).exit_code == 2
     (tmp_path / "empty").mkdir()
@@ -144,6 +186,11 @@ def test_mistakes(documents: Path, tmp_path: Path) -> None:
     one_sentence(cadpose("export", "coco", "--store", none, "--out", file), "there is no store")
     assert not (tmp_path / "none.db").exists()
     one_sentence(cadpose("export", "coco", "--store", "::", "--out", file), "is not a database URL")
+    for url in ("postgresql//me:secret@host/a", "postgresql://me:secret@host:x/a"):
+        for words in (("export", "coco", "--out", file), ("db", "stats")):
+            result = cadpose(*words, "--store", url)
+            one_sentence(result, "is not a database URL")
+            assert "secret" not in result.output
     one_sentence(cadpose("export", "coco", "--from", documents, "--out", tmp_path), "name a file")
     file.write_text("mine")
     one_sentence(cadpose("export", "coco", "--from", documents, "--out", file), "there already")

@@ -28,7 +28,7 @@ from cadpose.annotations.database.results import (
     StoredFailure,
     StoredPhoto,
 )
-from cadpose.annotations.database.selection import UNDECIDED, Selection, count, page
+from cadpose.annotations.database.selection import UNDECIDED, Selection, count, not_rejected, page, verdict_is
 from cadpose.annotations.document import AnnotationDocument
 from cadpose.records import Annotation, CadModel, Pose4Dof
 
@@ -60,7 +60,7 @@ class Store:
     Args:
         url: ``"sqlite:///file.db"`` (relative path) or ``"sqlite:////srv/file.db"`` (absolute);
             ``"sqlite://"`` keeps everything in memory; ``"postgresql+psycopg://user@host/database"``.
-        create: Make a missing SQLite file; without it a missing one is an error.
+        create: Make a missing SQLite file, and the tables in an empty database; without it these are errors.
         migrate: What to do with a store of an earlier version: migrate it (True), refuse it (False), or by
             default migrate an SQLite file, keeping a copy beside it, and refuse on a server.
 
@@ -77,7 +77,7 @@ class Store:
     def __init__(self, url: str, *, create: bool = True, migrate: bool | None = None) -> None:
         self._database = Database(url, create=create)
         try:
-            layout = prepare(self._database, migrate)
+            layout = prepare(self._database, migrate, create)
         except BaseException:
             self._database.close()
             raise
@@ -141,9 +141,23 @@ class Store:
         with self._database.reading() as connection:
             return reading.document(connection, photo_sha256, original)
 
-    def iter_documents(self, *, original: bool = False) -> Iterator[AnnotationDocument]:
-        """Every document, by name of its photo; memory does not grow with their number."""
-        return reading.iter_documents(self._database, original)
+    def iter_documents(
+        self, *, original: bool = False, verdicts: tuple[str, ...] = (), rejected: bool = True
+    ) -> Iterator[AnnotationDocument]:
+        """Every document, by name of its photo; memory does not grow with their number.
+
+        Args:
+            original: Exactly as they were last added, without what people decided since.
+            verdicts: Only annotations of which any of these holds, also ``"undecided"``; all when empty.
+            rejected: Whether to give annotations that a person rejected.
+
+        Raises:
+            InputError: an unknown verdict.
+        """
+        where = [verdict_is(Selection(verdicts=verdicts).verdicts)] if verdicts else []
+        return reading.iter_documents(
+            self._database, original, where if rejected else [*where, not_rejected()]
+        )
 
     # -- annotations -----------------------------------------------------------------------------
 
@@ -174,6 +188,11 @@ class Store:
         """One annotation, also one that is history; None where there is none."""
         with self._database.reading() as connection:
             return reading.stored(connection, annotation_id, original)
+
+    def standing(self, photo_sha256: str) -> list[StoredAnnotation]:
+        """Annotations of a photo that hold."""
+        with self._database.reading() as connection:
+            return reading.standing(connection, photo_sha256)
 
     def former(self, photo_sha256: str) -> list[StoredAnnotation]:
         """Annotations of a photo that do not hold any more, because another run or person said otherwise."""

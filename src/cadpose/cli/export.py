@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 import typer
 
 from cadpose.cli.options import Categories, Json, LibraryFolder
 from cadpose.cli.output import print_json
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from cadpose.annotations.document import AnnotationDocument
+#: What may hold of an annotation; the last two only of a store's.
+_VERDICTS = ("auto_accept", "review", "reject", "undecided", "accept", "edit")
 
 
 def _known_format(name: str) -> str:
@@ -25,11 +23,9 @@ def _known_format(name: str) -> str:
 
 
 def _known_verdicts(names: list[str] | None) -> list[str] | None:
-    from cadpose.records import Verdict
-
     for name in names or ():
-        if name not in get_args(Verdict):
-            raise typer.BadParameter(f"{name!r} is none of {', '.join(get_args(Verdict))}")
+        if name not in _VERDICTS:
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(_VERDICTS)}")
     return names
 
 
@@ -62,7 +58,8 @@ def export(
         typer.Option(
             "--verdict",
             callback=_known_verdicts,
-            help="Only annotations of this verdict: auto_accept, review or reject; repeatable.",
+            help="Only annotations of this verdict: auto_accept, review, reject, undecided, and of a store "
+            "accept and edit; repeatable. Unless told, all of a store but what a person rejected.",
         ),
     ] = None,
     camera: Annotated[
@@ -76,7 +73,7 @@ def export(
 ) -> None:
     """Write annotations in the format of another tool."""
     from cadpose.annotations.formats.registry import export as write
-    from cadpose.annotations.formats.sources import Sources, chosen
+    from cadpose.annotations.formats.sources import Sources, chosen, documents_in, documents_of_store
     from cadpose.library.catalogue import default_path
 
     if (store is None) == (not documents):
@@ -85,18 +82,19 @@ def export(
     held = [path for path in (photos, library or default_path()) if path is not None]
     inputs = [*(documents or ()), *_places(store), *held]
     sources = Sources(library, photos, camera == "photo")
-    told = chosen(_documents(store, documents), category or (), verdict or ())
+    if store is None:
+        if people := [word for word in verdict or () if word in ("accept", "edit")]:
+            raise typer.BadParameter(
+                f"documents hold no decisions of people: --verdict {people[0]} needs --store"
+            )
+        told = chosen(documents_in(documents or ()), category or (), verdict or ())
+    else:
+        told = chosen(documents_of_store(store, verdict or ()), category or ())
     count = write(name, told, out, sources, force=force, inputs=inputs)
     if json:
         print_json({"format": name, "annotations": count, "out": str(out)})
     else:
         typer.echo(f"{count} annotations: {out}")
-
-
-def _documents(store: str | None, documents: list[Path] | None) -> Iterator[AnnotationDocument]:
-    from cadpose.annotations.formats.sources import documents_in, documents_of_store
-
-    return documents_in(documents or ()) if store is None else documents_of_store(store)
 
 
 def _places(store: str | None) -> list[Path]:

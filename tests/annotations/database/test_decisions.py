@@ -141,10 +141,23 @@ def test_a_program_does_not_overrule_a_person(store: Store) -> None:
 def test_a_skip_says_nothing_against_what_was_decided(store: Store) -> None:
     annotation, _ = one(store)
     store.decide(annotation, "skip", ANNA, expected_version=None)
-    assert store.queue().items[0].verdict == "skip"
+    (item,) = store.queue().items
+    assert (item.verdict, item.decided_by) == ("review", "program")
+    # A skip locks nobody out.
+    store.decide(annotation, "auto_accept", PROGRAM, expected_version=None)
+    assert store.queue().items[0].verdict == "auto_accept"
     store.decide(annotation, "accept", BEN, expected_version=None)
     store.decide(annotation, "skip", ANNA, expected_version=None)
-    assert store.queue().items[0].verdict == "accept" and len(store.history(annotation)) == 4
+    assert store.queue().items[0].verdict == "accept" and len(store.history(annotation)) == 5
+
+
+def test_a_skip_alone_decides_nothing(store: Store) -> None:
+    store.add(rerun())  # the program gave no verdict
+    annotation, _ = one(store)
+    for author in (ANNA, PROGRAM):
+        store.decide(annotation, "skip", author, expected_version=None)
+    (item,) = store.queue(Selection(verdicts=("undecided",))).items
+    assert (item.verdict, item.decided_by) == (None, None) and list(store.check()) == []
 
 
 def test_what_is_said_later_counts_later_whatever_the_clock(

@@ -112,8 +112,9 @@ def lock_photos(connection: sa.Connection, digests: Sequence[str]) -> None:
 def _parsed(url: str) -> sa.URL:
     try:
         parsed = sa.make_url(url)
-    except ArgumentError:
-        raise CadposeError(f"{url!r} is not a database URL: {_FORMS}") from None
+    except (ArgumentError, ValueError):
+        # It may hold a password, and where is unknown: it is not shown.
+        raise CadposeError(f"the store's URL is not a database URL: {_FORMS}") from None
     if parsed.drivername not in (*_SQLITE, *_POSTGRES):
         raise CadposeError(f"the store cannot be a {parsed.drivername} database: {_FORMS}")
     return parsed.set(drivername=_POSTGRES[1]) if parsed.drivername in _POSTGRES else parsed

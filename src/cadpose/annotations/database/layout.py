@@ -36,7 +36,7 @@ class Layout:
     backup: Path | None = None
 
 
-def prepare(database: Database, migrate: bool | None = None) -> Layout:
+def prepare(database: Database, migrate: bool | None = None, create: bool = True) -> Layout:
     """Make sure that the tables are those of this program.
 
     A new database gets them. An older SQLite file is migrated in one transaction, and a copy of it kept
@@ -46,6 +46,7 @@ def prepare(database: Database, migrate: bool | None = None) -> Layout:
     Args:
         database: Where.
         migrate: Migrate, also on a server (True); refuse whatever is older (False); by default as above.
+        create: Give a new database its tables; else it is refused.
 
     Raises:
         CadposeError: the tables are newer than the program, or older and not to be migrated, or they are
@@ -56,6 +57,8 @@ def prepare(database: Database, migrate: bool | None = None) -> Layout:
     if found == t.HEAD:
         return Layout(t.HEAD, found)
     if found == "":
+        if not create:
+            raise CadposeError(f"{database.place} holds no store: `cadpose db init` makes one")
         with database.writing("open") as connection:
             _take_turns(connection)
             # Another process may have been quicker.
@@ -65,7 +68,7 @@ def prepare(database: Database, migrate: bool | None = None) -> Layout:
                 t.REVISION.create(connection)
                 connection.execute(sa.insert(t.REVISION), {"version_num": t.HEAD})
                 return Layout(t.HEAD, "")
-        return prepare(database, migrate)
+        return prepare(database, migrate, create)
     if not (database.is_sqlite if migrate is None else migrate):
         raise CadposeError(
             f"the store {database.place} was made by an earlier version of cadpose: back it up and run "

@@ -40,11 +40,13 @@ def document(connection: sa.Connection, photo_sha256: str, original: bool) -> An
     return next(iter(_documents(connection, found, original)), None)
 
 
-def iter_documents(database: Database, original: bool) -> Iterator[AnnotationDocument]:
-    """Every document, by name of its photo."""
+def iter_documents(
+    database: Database, original: bool, where: Sequence[sa.ColumnElement[bool]] = ()
+) -> Iterator[AnnotationDocument]:
+    """Every document, by name of its photo, with those of its annotations that fulfil the conditions."""
     for found in _pages(database, []):
         with database.reading() as connection:
-            documents = _documents(connection, found, original)
+            documents = _documents(connection, found, original, where)
         yield from documents
 
 
@@ -64,6 +66,12 @@ def iter_stored(database: Database, selection: Selection, original: bool) -> Ite
 def stored(connection: sa.Connection, annotation_id: str, original: bool) -> StoredAnnotation | None:
     """One annotation, also one that is history."""
     return next(iter(_stored(connection, [t.ANNOTATIONS.c.id == annotation_id], original)), None)
+
+
+def standing(connection: sa.Connection, photo_sha256: str) -> list[StoredAnnotation]:
+    """A photo's annotations that hold."""
+    a = t.ANNOTATIONS.c
+    return _stored(connection, [a.photo_sha256 == photo_sha256, a.in_force == sa.true()], False)
 
 
 def former(connection: sa.Connection, photo_sha256: str) -> list[StoredAnnotation]:
@@ -87,7 +95,10 @@ def _pages(database: Database, where: Sequence[sa.ColumnElement[bool]]) -> Itera
 
 
 def _documents(
-    connection: sa.Connection, found: Sequence[sa.Row[Any]], original: bool
+    connection: sa.Connection,
+    found: Sequence[sa.Row[Any]],
+    original: bool,
+    where: Sequence[sa.ColumnElement[bool]] = (),
 ) -> list[AnnotationDocument]:
     a, f = t.ANNOTATIONS.c, t.FAILURES.c
     digests = [photo.sha256 for photo in found]
@@ -95,7 +106,7 @@ def _documents(
     query = (
         _with_edits(sa.select(a.photo_sha256, _TEXT, a.edit, *_cad_columns()))
         .join(t.PHOTOS, a.photo_sha256 == t.PHOTOS.c.sha256)
-        .where(a.photo_sha256.in_(digests), *held)
+        .where(a.photo_sha256.in_(digests), *held, *where)
         .order_by(a.photo_sha256, a.position, a.id)
     )
     parts: dict[str, list[AnnotationPart]] = {digest: [] for digest in digests}

@@ -63,7 +63,7 @@ def conditions(connection: sa.Connection, selection: Selection) -> list[sa.Colum
     if selection.cad_id is not None:
         found.append(a.cad_id == selection.cad_id)
     if selection.verdicts:
-        found.append(_verdict(selection.verdicts))
+        found.append(verdict_is(selection.verdicts))
     if selection.min_confidence is not None or selection.max_confidence is not None:
         # `priority` is the confidence, -1 where there is none: the order of the index.
         found.append(a.priority >= (selection.min_confidence or 0.0))
@@ -76,12 +76,20 @@ def conditions(connection: sa.Connection, selection: Selection) -> list[sa.Colum
     return found
 
 
-def _verdict(verdicts: tuple[str, ...]) -> sa.ColumnElement[bool]:
+def verdict_is(verdicts: tuple[str, ...]) -> sa.ColumnElement[bool]:
+    """One of these holds, ``"undecided"`` among them."""
     column, told = t.ANNOTATIONS.c.verdict, [v for v in verdicts if v != UNDECIDED]
     parts: list[sa.ColumnElement[bool]] = [column.is_(None)] if UNDECIDED in verdicts else []
     if told:
         parts.append(column == told[0] if len(told) == 1 else column.in_(told))
     return sa.or_(*parts)
+
+
+def not_rejected() -> sa.ColumnElement[bool]:
+    """No person's rejection holds."""
+    a = t.ANNOTATIONS.c
+    # Both may be null, and null is not unequal to anything.
+    return sa.or_(sa.func.coalesce(a.decided_by, "") != "human", a.verdict != "reject")
 
 
 def _named(connection: sa.Connection, text: str) -> sa.ColumnElement[bool]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from cadpose.annotations.annotation_part import AnnotationPart
 from cadpose.annotations.document import MAX_CHARACTERS, AnnotationDocument
 from cadpose.annotations.formats.target import portable_name
 from cadpose.annotations.parts import CadPart
-from cadpose.annotations.store import Store
+from cadpose.annotations.store import UNDECIDED, Store
 from cadpose.errors import InputError
 from cadpose.library.catalogue import Library
 from cadpose.library.mesh import Mesh
@@ -96,25 +96,29 @@ class Sources:
         return photo
 
 
-def documents_of_store(url: str) -> Iterator[AnnotationDocument]:
-    """Every document of a store, one in memory at a time.
+def documents_of_store(url: str, verdicts: Sequence[str] = ()) -> Iterator[AnnotationDocument]:
+    """The documents of a store, one in memory at a time; it is only read.
+
+    With verdicts, photos without such an annotation are left out, and all failures, since a failure has none.
+
+    Args:
+        url: The store's.
+        verdicts: What holds now, by person or program: any of these. Unless told, all but what a person
+            rejected.
 
     Raises:
-        InputError: there is no such file.
-        CadposeError: the store cannot be read.
+        InputError: there is no such file, or an unknown verdict.
+        CadposeError: the store cannot be read, or an earlier version made it.
     """
     place = store_file(url)
     if place is not None and not place.is_file():
         raise InputError(f"there is no store {place}: name one that `cadpose annotate --store` made")
-    with Store(url) as store:
-        whole: Callable[[], Iterable[AnnotationDocument]] | None = getattr(store, "iter_documents", None)
-        if whole is not None:
-            yield from whole()
-            return
-        for photo in store.photos():
-            document = store.document(photo.sha256)
-            if document is not None:
+    with Store(url, create=False, migrate=False) as store:
+        for document in store.iter_documents(verdicts=tuple(verdicts), rejected=bool(verdicts)):
+            if not verdicts:
                 yield document
+            elif document.annotations:
+                yield document.model_copy(update={"failures": ()})
 
 
 def store_file(url: str) -> Path | None:
@@ -125,8 +129,9 @@ def store_file(url: str) -> Path | None:
     """
     try:
         told = make_url(url)
-    except ArgumentError:
-        raise InputError(f"{url!r} is not a database URL: write it as sqlite:///file.db") from None
+    except (ArgumentError, ValueError):
+        # It may hold a password, and where is unknown: it is not shown.
+        raise InputError("the store's URL is not a database URL: write it as sqlite:///file.db") from None
     place = told.database
     return Path(place) if told.drivername.startswith("sqlite") and place and place != ":memory:" else None
 
@@ -156,6 +161,8 @@ def chosen(
 ) -> Iterator[AnnotationDocument]:
     """The documents with only annotations of some categories and verdicts; all where none is told.
 
+    The verdicts are those that the documents tell (``"undecided"``: none), so the program's.
+
     With a choice, photos without any are left out, and so are failures of other categories, or all of them
     where verdicts are told, since a failure has none.
     """
@@ -165,7 +172,7 @@ def chosen(
 
     def kept(part: AnnotationPart) -> bool:
         return (not categories or part.detection.category in categories) and (
-            not verdicts or part.verdict in verdicts
+            not verdicts or (part.verdict or UNDECIDED) in verdicts
         )
 
     for document in documents:
