@@ -78,6 +78,30 @@ def test_a_damaged_journal_costs_time_only(
     assert set(Journal(tmp_path).records()) == {"a", "b", "c"}
 
 
+@pytest.mark.parametrize("journal", ["there", "gone"])
+def test_a_picture_that_was_cut_short_is_made_again(
+    annotator: Annotator, photos: list[Path], tmp_path: Path, journal: str
+) -> None:
+    done = annotate_all(annotator, photos[:2], tmp_path)
+    overlay = done[0].paths.overlay
+    overlay.write_bytes(overlay.read_bytes()[:-20])
+    if journal == "gone":
+        Journal(tmp_path).path.unlink()
+    assert again(annotator, photos[:2], tmp_path) == [False, True]
+    assert again(annotator, photos[:2], tmp_path) == [True, True]
+
+
+def test_without_a_journal_told_objects_are_not_taken_for_found_ones(
+    annotator: Annotator, photos: list[Path], tmp_path: Path
+) -> None:
+    given = FakeDetector().detect
+    for told in ({"detections": given, "told": "file 1"}, {"detections": given, "told": "file 2"}, {}):
+        Journal(tmp_path).path.unlink(missing_ok=True)
+        assert again(annotator, photos[:1], tmp_path, **told) == [False]
+    Journal(tmp_path).path.unlink()
+    assert again(annotator, photos[:1], tmp_path) == [True]
+
+
 def test_a_folder_of_an_earlier_version_gets_thumbnails_and_a_journal(
     annotator: Annotator, photos: list[Path], tmp_path: Path
 ) -> None:

@@ -16,6 +16,9 @@ from typing import Any
 from cadpose.annotations.document import AnnotationDocument
 from cadpose.annotations.parts import plain_json
 
+#: Stands for the detector where objects were told in its place.
+TOLD = "told"
+
 
 @dataclass(frozen=True)
 class Making:
@@ -46,9 +49,9 @@ class Making:
     def made(self, document: AnnotationDocument) -> bool:
         """Whether a document says of itself that it was made like this.
 
-        One without annotations says nothing of itself, so it was not; the objects that were told are not
-        compared.
+        One without annotations says nothing of itself, so it was not; nor does one say what objects were
+        told, only that they were (:data:`TOLD` in place of the detector).
         """
-        return bool(document.annotations) and all(
+        return bool(document.annotations and not self.told) and all(
             part.provenance == self.provenance for part in document.annotations
         )

@@ -1,15 +1,18 @@
 """What an earlier run of the same folder has done, and what --resume leaves alone.
 
 A photo is left alone if its document was made from the bytes that the photo has now, all of its files are
-whole, and it was made with what it would be made with now (:mod:`cadpose.batch.making`). A failure is left
+whole, and it was made with what it would be made with now (:mod:`cadpose.batch.making`). Whole is what has
+the sizes that the journal tells; a document that it does not know is read. A failure is left
 alone under the same rule, unless it is to be tried again. All else is done again.
 """
 
 from __future__ import annotations
 
 import logging
+import os
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 from os.path import normpath
 from pathlib import Path
 
@@ -21,7 +24,7 @@ from cadpose.annotations.parts import plain_text
 from cadpose.batch.failures import forget_failure, read_failure
 from cadpose.batch.journal import Journal
 from cadpose.batch.making import Making
-from cadpose.batch.outcome import PhotoOutcome, read_document
+from cadpose.batch.outcome import PhotoOutcome, Task, read_document
 from cadpose.batch.outputs import thumbnail_of
 from cadpose.batch.photo_files import file_mark, photo_digest
 from cadpose.batch.record import PhotoRecord, record_of
@@ -60,6 +63,10 @@ class Earlier:
             return None
         return record
 
+    def knows(self, paths: OutputPaths) -> bool:
+        """Whether the journal tells of the photo, whatever has become of its files."""
+        return paths.stem in self._records
+
 
 class Resume:
     """What is left alone of an earlier run, and why the rest is not.
@@ -80,7 +87,8 @@ class Resume:
 
     def outcome(self, photo: Path, paths: OutputPaths) -> PhotoOutcome | None:
         """What is left alone; None where the photo is to be annotated."""
-        record = self.earlier.record(paths) or self._from_document(photo, paths)
+        known = self.earlier.knows(paths)
+        record = self.earlier.record(paths) if known else self._from_document(photo, paths)
         same = record is not None and _same_bytes(photo, record)
         if record is not None and same and record.made_with == self.making.key:
             forget_failure(paths)
@@ -108,7 +116,7 @@ class Resume:
     def _from_document(self, photo: Path, paths: OutputPaths) -> PhotoRecord | None:
         """The record of a whole document that the journal does not know; the journal gets it."""
         document = read_document(paths.json)
-        if document is None or not all(output_bytes(paths)[:-1]):
+        if document is None or not all(_ends_well(path) for path in paths.pictures()[:-1]):
             return None
         # Folders of earlier versions have no thumbnails.
         if not paths.thumbnail.is_file() and not _make_thumbnail(paths):
@@ -129,9 +137,28 @@ class Resume:
         return record
 
 
+def finished(task: Task, making: Making) -> PhotoOutcome | None:
+    """The outcome of a photo that was done before its worker died, without having said so; else None."""
+    journal = Journal(task.paths.json.parent)
+    resume = Resume(Earlier(journal.records()), making, journal, retry_failed=True)
+    outcome = resume.outcome(task.photo, task.paths)
+    return None if outcome is None else replace(outcome, resumed=False)
+
+
 def output_bytes(paths: OutputPaths) -> tuple[int, ...]:
     """Size of the document, then of each picture; 0 where there is no file."""
     return tuple(file_mark(path)[0] for path in paths.results())
+
+
+def _ends_well(path: Path) -> bool:
+    """Whether a picture or page is there and was not cut short."""
+    end = b"</html>\n" if path.suffix == ".html" else b"IEND\xaeB`\x82"
+    try:
+        with path.open("rb") as file:
+            file.seek(-len(end), os.SEEK_END)
+            return file.read() == end
+    except OSError:
+        return False
 
 
 def _make_thumbnail(paths: OutputPaths) -> bool:

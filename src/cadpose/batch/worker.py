@@ -11,13 +11,14 @@ import logging
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from cadpose.annotations.files import OutputPaths
 from cadpose.annotations.store import Store
 from cadpose.batch.failures import forget_failure, record_failure
 from cadpose.batch.journal import Journal
-from cadpose.batch.making import Making
+from cadpose.batch.making import TOLD, Making
 from cadpose.batch.outcome import PhotoOutcome, Task
 from cadpose.batch.outputs import Drawn, draw_outputs
 from cadpose.batch.photo_files import file_mark
@@ -93,6 +94,9 @@ class PhotoWorker:
         result = self.annotator.run(picture, known)
         for stage, seconds in result.seconds.items():
             clock.seconds[stage] = clock.seconds.get(stage, 0.0) + seconds
+        if self.detections is not None:
+            own = [replace(a, provenance={**a.provenance, "detector": TOLD}) for a in result.annotations]
+            result = replace(result, annotations=tuple(own))
         with clock.time("draw"):
             return draw_outputs(self.annotator, result)
 
