@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.annotations.store import Store
-from cadpose.batch.outcome import PhotoOutcome
+from cadpose.batch.outcome import PhotoOutcome, Task
 from cadpose.batch.run import annotate_photos
 from cadpose.batch.worker import PhotoWorker
 from cadpose.errors import DependencyError
@@ -103,8 +103,8 @@ class FakeJob:
     Attributes:
         library: Its folder.
         tricks: File name of a photo to what it does: ``"kill"`` and ``"exit"`` end the process, ``"hang"``
-            never ends, ``"once"`` kills the first process that holds it, ``"weights"`` says that weights are
-            missing, ``"fail"`` raises.
+            never ends, ``"once"`` kills the first process that holds it, ``"late"`` ends it when all is
+            written, ``"weights"`` says that weights are missing, ``"fail"`` raises.
         folder: Where ``"once"`` notes that it was done, and ``stillborn`` who died.
         store: URL of the store.
         stillborn: So many workers die before they are ready.
@@ -129,11 +129,25 @@ class FakeJob:
         annotator = fake_annotator(
             self.library, detector=_Tricky(dict(self.tricks), self.folder, self.seconds)
         )
-        return PhotoWorker(annotator, store=self.open_store())
+        return _LateWorker(annotator, self.tricks, self.open_store())
 
     def open_store(self) -> Store | None:
         """The store alone."""
         return None if self.store is None else Store(self.store)
+
+
+class _LateWorker(PhotoWorker):
+    """May end before it can say that a photo is done."""
+
+    def __init__(self, annotator: Annotator, tricks: Sequence[tuple[str, str]], store: Store | None) -> None:
+        super().__init__(annotator, store=store)
+        self.late = {name for name, trick in tricks if trick == "late"}
+
+    def annotate(self, task: Task) -> PhotoOutcome:
+        outcome = super().annotate(task)
+        if task.photo.name in self.late:
+            os._exit(3)
+        return outcome
 
 
 class _Tricky(FakeDetector):

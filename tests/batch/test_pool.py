@@ -109,6 +109,15 @@ def test_a_worker_that_dies_costs_its_photo_alone(
 
 
 @pytest.mark.slow
+def test_a_photo_that_was_written_before_its_worker_died_is_done(
+    small_library: Library, many: list[Path], tmp_path: Path
+) -> None:
+    told = run(FakeJob(small_library.path, (("01.png", "late"),), tmp_path), many[:3], tmp_path / "out")
+    assert not any(outcome.error or outcome.resumed for outcome in told.values())
+    assert set(seen(tmp_path).values()) == {1}
+
+
+@pytest.mark.slow
 def test_a_photo_that_hangs_is_given_up(small_library: Library, many: list[Path], tmp_path: Path) -> None:
     job = FakeJob(small_library.path, (("02.png", "hang"),), tmp_path)
     told = run(job, many[:4], tmp_path / "out", timeout=20.0)
@@ -163,6 +172,8 @@ def test_a_stopped_run_keeps_what_is_in_flight(
         outcomes.throw(KeyboardInterrupt)  # type: ignore[attr-defined]
     begun, done = seen(tmp_path), list((tmp_path / "out").glob("*.json"))
     assert len(done) == len(begun) < 8
+    index = (tmp_path / "out" / "index.html").read_text()
+    assert all(f"{path.stem}.card.html" in index for path in done), "pages come after what was in flight"
     again = run(job, many, tmp_path / "out", RESUME)
     assert sum(outcome.resumed for outcome in again.values()) == len(done)
     assert all(times == 1 for times in seen(tmp_path).values())

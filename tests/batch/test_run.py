@@ -283,6 +283,26 @@ def test_a_stopped_run_still_writes_its_index(
     assert "a.card.html" in index and "b.card.html" not in index
 
 
+def test_pages_that_cannot_be_written_hide_no_interrupt(
+    annotator: Annotator, photos: list[Path], tmp_path: Path
+) -> None:
+    (tmp_path / "out" / "index.html").mkdir(parents=True)
+    outcomes = run.annotate_photos(annotator, photos, tmp_path / "out")
+    next(outcomes)
+    with pytest.raises(KeyboardInterrupt):
+        outcomes.throw(KeyboardInterrupt)  # type: ignore[attr-defined]
+    with pytest.raises(CadposeError, match=r"index\.html"):
+        annotate_all(annotator, photos[:1], tmp_path / "out")
+
+
+def test_no_table_takes_the_place_of_a_photo_or_a_folder(photos: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a\.png is one of the photos .* choose another --parquet"):
+        run._ready(tmp_path / "out", photos, [], photos[0])
+    with pytest.raises(InputError, match="is a folder: name a file with --parquet"):
+        run._ready(tmp_path / "out", photos, [], tmp_path)
+    assert not (tmp_path / "out").exists()
+
+
 def test_leftovers_of_a_killed_run_are_swept_away(
     annotator: Annotator, photos: list[Path], tmp_path: Path
 ) -> None:
@@ -293,8 +313,11 @@ def test_leftovers_of_a_killed_run_are_swept_away(
         path.write_bytes(b"half")
         os.utime(path, (time.time() - 7200,) * 2)
     os.utime(young)
+    folder = out / ".cadpose-2.part"
+    folder.mkdir()
+    os.utime(folder, (time.time() - 7200,) * 2)
     annotate_all(annotator, photos[:1], out)
-    assert [p.exists() for p in (old, young, other)] == [False, True, True]
+    assert [p.exists() for p in (old, young, other, folder)] == [False, True, True, True]
 
 
 KILLED = """

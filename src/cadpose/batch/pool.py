@@ -1,7 +1,8 @@
 """Worker processes that annotate photos side by side and survive whatever a photo does to one of them.
 
-A worker holds one photo at a time. One that dies or takes too long with its photo is replaced, and the photo
-is tried once more when all others are done, alone on the machine; if that fails too, the photo has failed.
+A worker holds one photo at a time. One that dies or takes too long with its photo is replaced, and the photo,
+unless all of it was written, is tried once more when all others are done, alone on the machine; if that fails
+too, the photo has failed.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from cadpose.batch.making import Making
 from cadpose.batch.messages import Broken, Done, Logged, Message, Ready
 from cadpose.batch.outcome import PhotoOutcome, Task
 from cadpose.batch.process import serve
+from cadpose.batch.resume import finished
 from cadpose.errors import CadposeError
 from cadpose.threads import cores
 
@@ -88,12 +90,7 @@ class WorkerPool:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # A second Ctrl-C ends the wait.
-        try:
-            if kind is not None and not issubclass(kind, CadposeError):
-                self._finish_flights()
-        finally:
-            self._end_all()
+        self._end_all()
 
     @property
     def pids(self) -> list[int]:
@@ -120,6 +117,16 @@ class WorkerPool:
         Raises:
             CadposeError: something is missing that every photo needs, or the store cannot be written.
         """
+        try:
+            yield from self._outcomes(tasks)
+        except CadposeError:
+            raise
+        except BaseException:
+            # Stopped: what is in flight is written first. A second Ctrl-C ends the wait.
+            self._finish_flights()
+            raise
+
+    def _outcomes(self, tasks: Sequence[Task]) -> Iterator[PhotoOutcome]:
         todo = deque(tasks)
         while True:
             if not todo and self._suspects and not self._alone and not self._busy():
@@ -213,7 +220,10 @@ class WorkerPool:
         self._members.remove(member)
         if task is not None:
             log.debug("%s: %s", task.photo, reason)
-            if self._alone:
+            outcome = None if self._making is None else finished(task, self._making)
+            if outcome is not None:
+                yield outcome
+            elif self._alone:
                 yield self._failed(task, stage, f"{reason}, twice, the second time alone")
             else:
                 self._suspects.append(task)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,7 +43,7 @@ _GIVE_UP = 3
 #: What is known of a photo before anything is annotated: its outcome, or that it has to be done.
 Step = PhotoOutcome | Task
 #: Turns steps into outcomes, in any order.
-Execute = Callable[[Sequence[Step]], Iterator[PhotoOutcome]]
+Execute = Callable[[Sequence[Step]], Generator[PhotoOutcome, None, None]]
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def annotate_job(
         return
     with _opened_store(job) as store, _pool(job, workers, photo_timeout, executor) as pool:
 
-        def side_by_side(steps: Sequence[Step]) -> Iterator[PhotoOutcome]:
+        def side_by_side(steps: Sequence[Step]) -> Generator[PhotoOutcome, None, None]:
             yield from (step for step in steps if isinstance(step, PhotoOutcome))
             yield from pool.run([step for step in steps if isinstance(step, Task)])
 
@@ -164,7 +164,7 @@ def _pool(job: Job, workers: int, photo_timeout: float | None, executor: str) ->
 def _run_here(
     worker: PhotoWorker, photos: Sequence[Path], out: Path, options: RunOptions
 ) -> Iterator[PhotoOutcome]:
-    def in_order(steps: Sequence[Step]) -> Iterator[PhotoOutcome]:
+    def in_order(steps: Sequence[Step]) -> Generator[PhotoOutcome, None, None]:
         for step in steps:
             yield worker.annotate(step) if isinstance(step, Task) else step
 
@@ -208,7 +208,7 @@ def _run_steps(
     twins = {} if options.names_matter else same_bytes(photos)
     own = [photo for photo in dict.fromkeys(photos) if photo not in twins]
     planned = dict(zip(own, output_paths(own, out, earlier.belongs_to_another), strict=True))
-    _ready(out, photos, list(planned.values()))
+    _ready(out, photos, list(planned.values()), options.parquet)
     journal.tidy()
     steps = _steps(planned, Resume(earlier, making, journal, retry_failed=options.retry_failed), options)
     if store is not None:
@@ -218,8 +218,9 @@ def _run_steps(
         copies.setdefault(first, []).append(copy)
     pages = RunPages(out, planned, copies=len(twins), how=how)
     unwritten = 0
+    outcomes = execute(steps)
     try:
-        for outcome in execute(steps):
+        for outcome in outcomes:
             pages.note(outcome)
             yield outcome
             for copy in copies.get(outcome.photo, ()):
@@ -229,14 +230,25 @@ def _run_steps(
             unwritten = unwritten + 1 if outcome.stage == WRITE else 0
             if unwritten == _GIVE_UP:
                 raise CadposeError(f"stopped: the outputs of {_GIVE_UP} photos in a row could not be written")
-    finally:
-        pages.write()
+    except BaseException:
+        # Photos in flight come to their end first; trouble with the pages hides no other.
+        try:
+            outcomes.close()
+        finally:
+            with suppress(CadposeError):
+                pages.write()
+        raise
+    pages.write()
     if options.parquet is not None:
         write_table([planned[photo].json for photo in pages.finished_photos()], options.parquet)
 
 
-def _ready(out: Path, photos: Sequence[Path], planned: Sequence[OutputPaths]) -> None:
+def _ready(out: Path, photos: Sequence[Path], planned: Sequence[OutputPaths], parquet: Path | None) -> None:
     """Make the folder and look that no output takes the place of a photo."""
+    if parquet is not None:
+        spare_photos([parquet], photos, "--parquet")
+        if parquet.is_dir():
+            raise InputError(f"{parquet} is a folder: name a file with --parquet")
     own = [out / name for name in (INDEX, REPORT, JOURNAL)]
     spare_photos([*own, *(path for paths in planned for path in paths.all())], photos)
     try:
@@ -269,5 +281,6 @@ def _complete(store: Store, steps: Sequence[Step]) -> None:
 def _sweep(folder: Path) -> None:
     for part in folder.glob(".cadpose-*.part"):
         with suppress(FileNotFoundError):  # another run's, moved into place meanwhile
-            if time.time() - part.stat().st_mtime > _LEFT_BEHIND_SECONDS:
+            # An export's is a folder, and may hold what nobody has looked at.
+            if part.is_file() and time.time() - part.stat().st_mtime > _LEFT_BEHIND_SECONDS:
                 part.unlink()
