@@ -24,9 +24,10 @@ def read(data: bytes) -> list[str]:
     [
         (b"a.jpg\nb/c d.png\n", ["a.jpg", "b/c d.png"]),
         (b"\xef\xbb\xbfa.jpg\r\n\r\n  \n#b.jpg", ["a.jpg", "#b.jpg"]),
+        (b"~x.jpg\n~/y.jpg\n", ["~x.jpg", "~/y.jpg"]),
         (b"caf\xe9.jpg\n", [os.fsdecode(b"caf\xe9.jpg")]),
     ],
-    ids=["plain", "of another system", "no text"],
+    ids=["plain", "of another system", "tilde", "no text"],
 )
 def test_a_list_names_one_photo_a_line(data: bytes, wanted: list[str]) -> None:
     assert read(data) == wanted

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
 from cadpose.annotations.document import AnnotationDocument
+from cadpose.annotations.files import sync_folder
 from cadpose.batch.outcome import read_document
 from cadpose.errors import CadposeError, DependencyError
 
@@ -37,7 +39,10 @@ def write_table(documents: Sequence[Path], out: Path) -> None:
         try:
             out.parent.mkdir(parents=True, exist_ok=True)
             write(_read(documents), beside, Sources())
+            with beside.open("rb+") as file:
+                os.fsync(file.fileno())
             beside.replace(out)
+            sync_folder(out.parent)
         finally:
             beside.unlink(missing_ok=True)
     except OSError as error:

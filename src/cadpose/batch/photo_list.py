@@ -76,7 +76,7 @@ def read_list(file: BinaryIO, name: str) -> list[Path]:
                 f"{name} is longer than {MAX_PHOTOS:,} paths or {MAX_BYTES // 2**20} MB: cut it into several."
             )
         if text.strip():
-            paths.append(Path(os.fsdecode(text)).expanduser())
+            paths.append(Path(os.fsdecode(text)))
     if not paths:
         raise InputError(f"{name} names no photo: write one path a line.")
     return paths
