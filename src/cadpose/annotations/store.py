@@ -103,11 +103,16 @@ class Store:
 
     # -- documents -------------------------------------------------------------------------------
 
-    def add(self, document: AnnotationDocument) -> bool:
+    def add(self, document: AnnotationDocument, author: Author | None = None) -> bool:
         """Write a photo's document in one transaction.
 
         What the store held of that photo and this document does not repeat becomes history. Where a person
         decided on a former answer that one goes on holding; see docs/database.md.
+
+        Args:
+            document: The photo's.
+            author: Whose word the verdicts of annotations new to the store are: by default the program's that
+                annotated. A person's holds like any other decision of one.
 
         Returns:
             Whether anything was written: False where the store holds the same document already,
@@ -116,7 +121,7 @@ class Store:
         Raises:
             CadposeError: the store cannot be written; what it held of the photo is kept.
         """
-        return writing.add_documents(self._database, [document]) == 1
+        return writing.add_documents(self._database, [document], author or writing.ANNOTATE) == 1
 
     def add_many(self, documents: Iterable[AnnotationDocument]) -> int:
         """Write documents, a hundred a transaction; how many were not there already.

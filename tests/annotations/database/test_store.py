@@ -242,6 +242,18 @@ def test_a_missing_file_is_made_only_where_that_is_wanted(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_empty_database_is_left_so_where_that_is_wanted(url: str) -> None:
+    if url.startswith("sqlite"):
+        Path(url.removeprefix("sqlite:///")).parent.mkdir()
+    ask(url, "SELECT 1")  # makes the file
+    with pytest.raises(CadposeError, match="holds no store: `cadpose db init`"):
+        Store(url, create=False, migrate=False)
+    with pytest.raises(CadposeError, match="holds no store"):
+        Store(url, create=False, migrate=True)
+    with pytest.raises(CadposeError):
+        counts(url)
+
+
 def test_a_place_that_cannot_be_written_gives_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "folder.db").mkdir()

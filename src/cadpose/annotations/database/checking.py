@@ -169,7 +169,9 @@ def _decisions(
         .where(t.ANNOTATIONS.c.photo_sha256 == sha256)
     )
     for row in fetch(connection, query):
-        first = first_decision(dict(annotations[row["annotation_id"]]), row["tool_version"], None)
+        first = first_decision(
+            dict(annotations[row["annotation_id"]]), row["tool"], row["tool_version"], None
+        )
         if row["id"] not in (decision_id(row), first["id"]):
             yield Problem(f"decision {row['id']} of {row['author']}", "it is not the one that was written")
 

@@ -9,22 +9,39 @@ from typing import Any
 import sqlalchemy as sa
 
 from cadpose.annotations.database import tables as t
+from cadpose.annotations.database.deciding import decision_id
 from cadpose.annotations.database.engine import Database, insert_new, lock_photos
+from cadpose.annotations.database.results import Author
 from cadpose.annotations.database.rows import DocumentRows, Row, document_json, ordered, rows_of, short_digest
 from cadpose.annotations.database.settling import settle
 from cadpose.annotations.document import AnnotationDocument
+from cadpose.annotations.parts import plain_text
 
 #: Documents a transaction in ``add_documents``; as many are lost at most when the process is killed.
 BATCH = 100
 
 
-def add_documents(database: Database, documents: Iterable[AnnotationDocument]) -> int:
-    """Write documents, some a transaction; how many were not there already."""
+#: What the program that annotates calls itself.
+ANNOTATE = Author("cadpose", "program", "cadpose annotate")
+#: A document's verdict as a person says it.
+_PERSONS = {"auto_accept": "accept", "review": "review", "reject": "reject"}
+
+
+def add_documents(
+    database: Database, documents: Iterable[AnnotationDocument], author: Author = ANNOTATE
+) -> int:
+    """Write documents, some a transaction; how many were not there already.
+
+    Args:
+        database: Where.
+        documents: What.
+        author: Whose word the verdicts of new annotations are.
+    """
     written = 0
     for batch in _batches(documents):
         rows = [rows_of(document_json(document)) for document in batch]
         with database.writing() as connection:
-            written += write(connection, rows, datetime.now(UTC))
+            written += write(connection, rows, datetime.now(UTC), author)
     return written
 
 
@@ -40,7 +57,9 @@ def _batches(documents: Iterable[AnnotationDocument]) -> Iterator[list[Annotatio
         yield list(batch.values())
 
 
-def write(connection: sa.Connection, documents: Sequence[DocumentRows], now: datetime) -> int:
+def write(
+    connection: sa.Connection, documents: Sequence[DocumentRows], now: datetime, author: Author = ANNOTATE
+) -> int:
     """Write the rows of documents of different photos; how many were not there already."""
     digests = [rows.photo["sha256"] for rows in documents]
     lock_photos(connection, digests)
@@ -56,13 +75,14 @@ def write(connection: sa.Connection, documents: Sequence[DocumentRows], now: dat
     for photo in replaced:
         connection.execute(sa.update(t.PHOTOS).where(p.sha256 == photo["sha256"]).values(photo))
     insert_new(connection, t.DETECTIONS, [row for d in changed for row in ordered(d.detections)])
-    _insert_annotations(connection, changed, known, now)
+    _insert_annotations(connection, changed, known, now, author)
     for rows in changed:
         if rows.photo["sha256"] in held:
             _replace(connection, rows.photo["sha256"], rows, known)
     _insert(connection, t.FAILURES, [row for d in changed for row in d.failures])
     for photo in replaced:
         sweep_detections(connection, photo["sha256"])
+    for photo in photos if author.kind == "human" else replaced:
         settle(connection, photo["sha256"], now)
     forget_failures(connection, [d.photo for d in documents])
     return len(changed)
@@ -90,7 +110,11 @@ def _insert_shared(connection: sa.Connection, documents: Sequence[DocumentRows])
 
 
 def _insert_annotations(
-    connection: sa.Connection, documents: Sequence[DocumentRows], known: set[str], now: datetime
+    connection: sa.Connection,
+    documents: Sequence[DocumentRows],
+    known: set[str],
+    now: datetime,
+    author: Author,
 ) -> None:
     new = [row for d in documents for row in d.annotations if row["id"] not in known]
     tools = {key: row["tool_version"] for d in documents for key, row in d.provenances.items()}
@@ -112,17 +136,22 @@ def _insert_annotations(
     for table, children in ((t.CANDIDATES, "candidates"), (t.HYPOTHESES, "hypotheses")):
         rows = [row for d in documents for row in getattr(d, children)]
         _insert(connection, table, [row for row in rows if row["annotation_id"] not in known])
-    _insert(connection, t.DECISIONS, [first_decision(r, tools[r["provenance_key"]], now) for r in said])
+    first = [
+        first_decision(r, author.tool, author.tool_version or tools[r["provenance_key"]], now) for r in said
+    ]
+    _insert(
+        connection, t.DECISIONS, [_of_person(row, author) if author.kind == "human" else row for row in first]
+    )
 
 
-def first_decision(annotation: Row, tool_version: str, now: datetime | None) -> Row:
+def first_decision(annotation: Row, tool: str, tool_version: str, now: datetime | None) -> Row:
     """What the program that annotated decided; the key leaves out when, so that it stays one in a merge."""
     return {
-        "id": short_digest(annotation["id"], "cadpose annotate", annotation["machine_verdict"]),
+        "id": short_digest(annotation["id"], tool, annotation["machine_verdict"]),
         "annotation_id": annotation["id"],
         "kind": "program",
-        "author": "cadpose",
-        "tool": "cadpose annotate",
+        "author": ANNOTATE.name,
+        "tool": tool,
         "tool_version": tool_version,
         "decided_at": now,
         "verdict": annotation["machine_verdict"],
@@ -134,6 +163,13 @@ def first_decision(annotation: Row, tool_version: str, now: datetime | None) -> 
         "cad_after": None,
         "measures": None,
     }
+
+
+def _of_person(decision: Row, author: Author) -> Row:
+    """The same as a person's word."""
+    told = {**decision, "kind": "human", "author": plain_text(author.name)}
+    told["verdict"] = _PERSONS[decision["verdict"]]
+    return {**told, "id": decision_id(told)}
 
 
 def _replace(connection: sa.Connection, sha256: str, rows: DocumentRows, known: set[str]) -> None:
