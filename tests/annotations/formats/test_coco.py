@@ -113,6 +113,18 @@ def test_mistakes_name_the_annotation(file: Path, edit: Any, words: str) -> None
     assert str(caught.value).startswith(str(file)) and "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("size", "words"), [(None, "its photo's size"), ([10**6, 10**6], "more than 100000000 pixels")]
+)
+def test_a_polygon_needs_a_photo_of_a_size(file: Path, size: Any, words: str) -> None:
+    told = json.loads(file.read_text())
+    told["annotations"][0]["segmentation"] = [[1.0, 1.0, 9.0, 1.0, 9.0, 9.0]]
+    told["images"][0]["cadpose"]["size"] = size
+    file.write_text(json.dumps(told))
+    with pytest.raises(InputError, match=words):
+        list(documents_from("coco", file))
+
+
 def test_a_file_of_others_is_told_apart(file: Path) -> None:
     with pytest.raises(InputError, match="--detections"):
         change(

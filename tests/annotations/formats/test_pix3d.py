@@ -107,12 +107,35 @@ def test_what_was_changed_counts(made: Made, folder: Path) -> None:
         (lambda e: e.update(mask="../../etc/passwd"), "does not lie in"),
         (lambda e: e.update(trans_mat=[1.0, 0.0, 2.0]), "off the optical axis"),
         (lambda e: e.update(focal_length="x"), "lacks"),
-        (lambda e: e.update(img_size=[5, 5]), "5 x 5|not 5 x 5"),
+        (lambda e: e.update(img_size=[5, 5]), "outside its picture"),
+        (lambda e: e["cadpose"].update(offset=[-1, 0]), "outside its picture"),
+        (lambda e: e["cadpose"].update(offset=None), "lacks"),
+        (lambda e: e.update(img_size=[0, -3]), "outside its picture"),
+        (lambda e: e["cadpose"]["photo"].update(size=[10**6, 10**6]), "more than 100000000 pixels"),
+        (lambda e: e["cadpose"]["photo"].update(size="x"), "photo's size"),
     ],
 )
 def test_mistakes(folder: Path, edit: Any, words: str) -> None:
     with pytest.raises(InputError, match=words):
         edited(folder, edit)
+
+
+def test_numbers_beyond_all_bounds(folder: Path) -> None:
+    file = folder / "pix3d.json"
+    told = json.loads(file.read_text())
+    for edit in (
+        lambda e: e["cadpose"].update(offset=[0.5e-9, 0]),
+        lambda e: e.update(bbox=[0.5e-9, 1, 2, 3]),
+        lambda e: e.update(trans_mat=[0.0, 0.0, 0.5e-9]),
+        lambda e: e.update(focal_length=0.5e-9),
+    ):
+        entries = json.loads(json.dumps(told))
+        edit(entries[0])
+        # Python's JSON writes no 1e999, but reads it as infinity.
+        file.write_text(json.dumps(entries).replace("5e-10", "1e999"))
+        with pytest.raises(InputError, match=r"entry 1|pix3d\.json") as caught:
+            list(documents_from("pix3d", folder))
+        assert "\n" not in str(caught.value)
 
 
 def test_the_photos_own_camera(made: Made, tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from cadpose.annotations.formats.extras import (
     extras_of,
     located,
     photo_extras,
+    photo_size,
     told_error,
 )
 from cadpose.annotations.formats.format import Format
@@ -133,7 +134,7 @@ def _part(
     where = located(path, "annotation", number)
     x, y, width, height = entry.bbox
     try:
-        mask = _mask(entry.segmentation, photo)
+        mask = _mask(entry.segmentation, photo, where)
     except (ValueError, TypeError) as error:
         raise InputError(f"{where} has an unusable segmentation ({told_error(error)})") from None
     native = Native(
@@ -145,7 +146,7 @@ def _part(
     return annotation_from(raw, native, where)
 
 
-def _mask(segmentation: list[list[float]] | CocoRuns | None, photo: Any) -> MaskPart | None:
+def _mask(segmentation: list[list[float]] | CocoRuns | None, photo: Any, where: str) -> MaskPart | None:
     """A segmentation as run lengths; polygons, which other tools write, are drawn first."""
     if not segmentation:
         return None
@@ -154,7 +155,7 @@ def _mask(segmentation: list[list[float]] | CocoRuns | None, photo: Any) -> Mask
         return MaskPart(
             size=segmentation.size, counts=runs_from_text(counts) if isinstance(counts, str) else counts
         )
-    width, height = photo["size"]
+    width, height = photo_size(photo, where)
     mask = mask_from_polygons(height, width, segmentation)
     return MaskPart(size=(height, width), counts=encode_mask(mask))
 

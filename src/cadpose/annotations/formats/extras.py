@@ -22,6 +22,7 @@ from cadpose.errors import InputError
 from cadpose.geometry.camera import require_rotation
 from cadpose.geometry.frames import FloatArray
 from cadpose.poses import Pose4Dof, Rotation
+from cadpose.rle import MAX_PIXELS
 
 #: By how much a format's own number may differ from the kept one and still be the same, in pixels.
 SAME = 1e-6
@@ -125,14 +126,16 @@ def document_from_parts(photo: Any, annotations: Sequence[AnnotationPart], where
 
 
 def photo_size(photo: Any, where: str) -> tuple[int, int]:
-    """(width, height) as `photo_extras` tells them.
+    """(width, height) as `photo_extras` tells them: masks of that size are made.
 
     Raises:
-        InputError: they are not told.
+        InputError: they are not told, or are more pixels than a mask may have.
     """
     size = photo.get("size") if isinstance(photo, dict) else None
     if not (isinstance(size, list) and len(size) == 2 and all(isinstance(v, int) and v > 0 for v in size)):
         raise InputError(f"{where} does not tell its photo's size: export it again")
+    if size[0] * size[1] > MAX_PIXELS:
+        raise InputError(f"{where} tells a photo of more than {MAX_PIXELS} pixels: export it again")
     return size[0], size[1]
 
 

@@ -26,6 +26,7 @@ from cadpose.annotations.formats.extras import (
     located,
     native_pose,
     photo_extras,
+    photo_size,
 )
 from cadpose.annotations.formats.format import Format
 from cadpose.annotations.formats.json_stream import JsonEntries, iter_json
@@ -193,7 +194,7 @@ def _part(entry: dict[str, Any], kept: dict[str, Any], file: Path, where: str) -
     try:
         left, top = (int(value) for value in kept["offset"])
         width, height = (int(value) for value in entry["img_size"])
-        photo_width, photo_height = (int(value) for value in kept["photo"]["size"])
+        photo_width, photo_height = photo_size(kept["photo"], where)
         x0, y0, x1, y1 = (float(value) for value in entry["bbox"])
         camera = from_pix3d(
             np.array(entry["rot_mat"], np.float64).reshape(3, 3),
@@ -203,8 +204,10 @@ def _part(entry: dict[str, Any], kept: dict[str, Any], file: Path, where: str) -
             np.array(entry["cam_position"], np.float64).reshape(3),
         )
         name, category = str(entry["mask"]), str(entry["category"])
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{where} lacks {error} or holds another type") from None
+    if not (0 <= left <= width - photo_width and 0 <= top <= height - photo_height):
+        raise InputError(f"{where} places its photo outside its picture: export it again")
     mask = None
     if kept.get("has_mask") is True:
         drawn = read_mask(inside(file.parent, name, file), (height, width))
