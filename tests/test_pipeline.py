@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cadpose
+from cadpose.alignment.trust import Trust
 from cadpose.annotations.document import AnnotationDocument, document_from
 from cadpose.errors import CadposeError, DependencyError, InputError, LibraryError
 from cadpose.geometry.boxes import Box
@@ -20,6 +21,7 @@ from cadpose.pipeline import Annotator, PhotoResult
 from cadpose.records import CadModel, Detection, Photo, Rotation
 from cadpose.similarity.joint.ranker import JointRanker, JointRanking
 from cadpose.stopwatch import Stopwatch
+from cadpose.weights import REGISTRY
 from tests.batch.fakes import FakeDetector, fake_annotator
 from tests.small_library import Shot, save, shoot
 
@@ -124,11 +126,21 @@ def test_provenance_names_everything_that_took_part(annotator: Annotator, hatch:
         "renderer": "raster-2x2",
         "align_to": "box",
         "refine": "fast",
+        "refinement": REGISTRY["refinement"].sha256[:12],
+        "trust": Trust.shipped().digest,
         "intrinsics": "exif",
+        "categories": None,
         "candidates": 10,
         "index": None,
         "seed": 0,
     }
+
+
+def test_provenance_tells_what_was_looked_for_and_leaves_out_what_took_no_part(
+    small_library: Library,
+) -> None:
+    told = Annotator(small_library, refine="off", categories=["chair"]).provenance()
+    assert told["categories"] == ["chair"] and told["refinement"] is None and told["trust"] is None
 
 
 def untimed(result: PhotoResult) -> dict[str, Any]:

@@ -48,6 +48,7 @@ from cadpose.similarity.joint.ranker import JointRanker, JointRanking
 from cadpose.similarity.local_features import BACKGROUND
 from cadpose.similarity.ranking import rank_candidates
 from cadpose.stopwatch import Stopwatch
+from cadpose.weights import REGISTRY
 
 log = logging.getLogger(__name__)
 
@@ -357,6 +358,8 @@ class Annotator:
 
     def provenance(self) -> dict[str, object]:
         """What every annotation says it was made with: version, library digest, stages, options."""
+        refines = self.placement.refine != "off"
+        every = set(self.categories) == set(self.library.categories())
         return {
             "cadpose": cadpose.__version__,
             "library": self.library.digest,
@@ -367,7 +370,10 @@ class Annotator:
             "renderer": self.renderer.name,
             "align_to": self.placement.align_to,
             "refine": self.placement.refine,
+            "refinement": REGISTRY["refinement"].sha256[:12] if refines else None,
+            "trust": Trust.shipped().digest if refines else None,
             "intrinsics": self.intrinsics.name,
+            "categories": None if every else sorted(set(self.categories)),
             "candidates": self.candidate_count,
             "index": None if self.index is None else self.index.digest,
             "seed": self.seed,

@@ -212,6 +212,25 @@ def test_a_store_gets_what_a_kill_kept_from_it(
     assert isinstance(detector, FakeDetector) and len(detector.seen) == 3
 
 
+def test_a_store_that_holds_an_older_document_gets_the_finished_one(
+    small_library: Library, photos: list[Path], tmp_path: Path
+) -> None:
+    out, newer = tmp_path / "out", fake_annotator(small_library, seed=3)
+    with Store(f"sqlite:///{tmp_path / 'all.db'}") as store:
+        annotate_all(fake_annotator(small_library), photos[:1], out, store=store)
+        (done,) = annotate_all(newer, photos[:1], out)
+        assert again(newer, photos[:1], out, store=store) == [True]
+        assert done.record is not None and store.document(done.record.sha256) == done.document
+
+
+def test_categories_are_told_by_documents_too(
+    small_library: Library, photos: list[Path], tmp_path: Path
+) -> None:
+    annotate_all(fake_annotator(small_library, categories=["chair"]), photos[:1], tmp_path)
+    Journal(tmp_path).path.unlink()
+    assert again(fake_annotator(small_library), photos[:1], tmp_path) == [False]
+
+
 def test_the_journal_is_made_short_again(
     annotator: Annotator, photos: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

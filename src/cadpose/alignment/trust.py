@@ -8,9 +8,10 @@ synthetic photos of models that no network was trained on.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -101,6 +102,11 @@ class Trust:
             DependencyError: it is missing or of another version.
         """
         return _shipped()
+
+    @cached_property
+    def digest(self) -> str:
+        """12 hex digits that stand for model and thresholds."""
+        return hashlib.sha256(self.to_json().encode()).hexdigest()[:12]
 
     def to_json(self) -> str:
         """Indented JSON, newline at the end; `from_json` gives the same numbers back exactly."""

@@ -41,7 +41,8 @@ class Making:
     def key(self) -> str:
         """16 hex digits that stand for it."""
         # A detector that is not asked does not matter, nor what it would look for.
-        provenance = {k: v for k, v in self.provenance.items() if not (self.told and k == "detector")}
+        idle = ("detector", "categories") if self.told else ()
+        provenance = {k: v for k, v in self.provenance.items() if k not in idle}
         wanted = [] if self.told else sorted(self.categories)
         text = json.dumps([provenance, self.told, wanted], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]

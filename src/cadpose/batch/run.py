@@ -268,14 +268,11 @@ def _steps(planned: dict[Path, OutputPaths], resume: Resume, options: RunOptions
 
 
 def _complete(store: Store, steps: Sequence[Step]) -> None:
-    """Put finished photos into a store that lacks them."""
-    finished = [s for s in steps if isinstance(s, PhotoOutcome) and s.record is not None]
-    held = {photo.sha256 for photo in store.photos()} if finished else set()
-    for outcome in finished:
-        if outcome.record is not None and outcome.record.sha256 not in held:
-            document = read_document(outcome.paths.json)
-            if document is not None:
-                store.add(document)
+    """Put finished photos into a store that lacks them or holds another document of theirs."""
+    # Of photos of the same bytes the store keeps one: the last, each time.
+    finished = {s.record.sha256: s.paths.json for s in steps if isinstance(s, PhotoOutcome) and s.record}
+    documents = (read_document(path) for path in finished.values())
+    store.add_many(document for document in documents if document is not None)
 
 
 def _sweep(folder: Path) -> None:
