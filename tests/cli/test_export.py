@@ -101,6 +101,31 @@ def test_what_people_decided_is_what_a_store_gives(made: Made, tmp_path: Path) -
         assert exported() == 3 and len(json.loads(file.read_text())["images"]) == 4
 
 
+def test_an_import_names_its_author(made: Made, tmp_path: Path) -> None:
+    url, file = f"sqlite:///{tmp_path / 'a.db'}", tmp_path / "tasks.json"
+    with Store(url) as store:
+        store.add_many(made.documents)
+        item = store.queue(Selection(verdicts=("review",))).items[0]
+        store.decide(item.annotation_id, "accept", Author("Anna"), expected_version=None)
+    assert cadpose("export", "label-studio", "--store", url, "--out", file).exit_code == 0
+    tasks = json.loads(file.read_text())
+    for task in tasks:
+        for region in task["predictions"][0]["result"]:
+            if region["type"] == "choices":
+                region["value"]["choices"] = ["reject"]
+    file.write_text(json.dumps(tasks))
+    told = ("import", "label-studio", file)
+    assert cadpose(*told, "--out", tmp_path / "x", "--author", "Ben").exit_code == 2
+    assert cadpose(*told, "--store", url, "--author", " ").exit_code == 2
+    result = cadpose(*told, "--store", url, "--author", "Ben", "--json")
+    with Store(url) as store:
+        rejected = store.queue(Selection(verdicts=("reject",), decided_by="human")).items
+        by = {store.history(item.annotation_id)[-1].author for item in rejected}
+        assert {(a.name, a.tool) for a in by} == {("Ben", "cadpose import label-studio")}
+        assert list(store.check()) == []
+    assert len(rejected) == 2 and result.stderr.count("a person's accept no longer holds") == 1
+
+
 def test_an_export_only_reads_the_store(tmp_path: Path) -> None:
     empty, file = tmp_path / "empty.db", tmp_path / "coco.json"
     empty.touch()
