@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from PIL import ExifTags, Image
 
 from cadpose.annotations.formats.fiftyone_schema import dataset_document
-from cadpose.annotations.formats.fo3d import quaternion
 from cadpose.annotations.formats.pictures import copy_photo
 from cadpose.annotations.formats.registry import documents_from
 from cadpose.annotations.formats.sources import Sources
+from cadpose.annotations.scenes.turns import quaternion
 from cadpose.errors import InputError
 from cadpose.geometry.angles import rotation_from_angles
 from cadpose.geometry.frames import FloatArray, R_cv_from_gl

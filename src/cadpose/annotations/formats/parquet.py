@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from cadpose.annotations.document import AnnotationDocument
+from cadpose.annotations.formats.extras import extras_of
 from cadpose.annotations.formats.format import Format
 from cadpose.annotations.formats.json_stream import dumped
-from cadpose.annotations.formats.rows import COLUMNS, Row, documents_of, rows_of, whole
+from cadpose.annotations.formats.rows import COLUMNS, Row, documents_of, rows_of
 from cadpose.annotations.formats.sources import Sources
 from cadpose.errors import DependencyError, InputError
 
@@ -35,7 +36,7 @@ def write(documents: Iterable[AnnotationDocument], out: Path, sources: Sources) 
         group: list[Row] = []
         for document in documents:
             for row, part in rows_of(document):
-                group.append(row | {DOCUMENT: dumped(whole(part))})
+                group.append(row | {DOCUMENT: dumped(extras_of(part))})
                 if len(group) == _GROUP:
                     table.write_table(pa.Table.from_pylist(group, schema))
                     group = []

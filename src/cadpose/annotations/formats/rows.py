@@ -8,7 +8,7 @@ from typing import Any
 
 from cadpose.annotations.annotation_part import AnnotationPart
 from cadpose.annotations.document import AnnotationDocument
-from cadpose.annotations.formats.extras import Native, annotation_from, document_from_parts, extras_of
+from cadpose.annotations.formats.extras import Native, annotation_from, document_from_parts
 from cadpose.annotations.parts import MaskPart
 from cadpose.errors import InputError
 from cadpose.rle import runs_from_text, text_from_runs
@@ -159,8 +159,3 @@ def _matrix(angles: Mapping[str, Any]) -> Any:
         return rotation_from_angles(angles["azimuth"], angles["elevation"], angles["inplane"]).tolist()
     except (TypeError, ValueError):
         return None
-
-
-def whole(part: AnnotationPart) -> dict[str, Any]:
-    """What a row has no column for, and the rest with it; the mask has a column."""
-    return extras_of(part)

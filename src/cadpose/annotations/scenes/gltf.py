@@ -19,8 +19,8 @@ from cadpose.annotations.scenes.glb import GlbBuilder, read_header
 from cadpose.annotations.scenes.layout import PlacedModel, Placement, turns_and_scales
 from cadpose.annotations.scenes.pieces import Piece
 from cadpose.annotations.scenes.shades import lamps, linear_from_srgb
+from cadpose.annotations.scenes.turns import quaternion
 from cadpose.errors import InputError
-from cadpose.geometry.frames import FloatArray
 from cadpose.library.textures import encode_texture
 from cadpose.records import Photo
 from cadpose.rendering.scene import MaterialKind
@@ -147,7 +147,7 @@ class _Writer:
             told.append({"name": lamp.name, "type": "directional", "intensity": math.pi * lamp.strength})
             node = {
                 "name": lamp.name,
-                "rotation": _quaternion(lamp.turn()),
+                "rotation": quaternion(lamp.turn()),
                 "extensions": {"KHR_lights_punctual": {"light": number}},
             }
             nodes.append(self.glb.add("nodes", node))
@@ -159,13 +159,13 @@ class _Writer:
         name = f"{model.number + 1} {model.annotation.cad.name or model.annotation.cad.id}"
         mesh = self._mesh(model.annotation.cad.id)
         # A single node may turn and scale, but only two of them lean: docs/export-scenes.md.
-        body = self.glb.add("nodes", {"name": f"{name}: model", "mesh": mesh, "rotation": _quaternion(inner)})
+        body = self.glb.add("nodes", {"name": f"{name}: model", "mesh": mesh, "rotation": quaternion(inner)})
         return self.glb.add(
             "nodes",
             {
                 "name": name,
                 "translation": model.T_scene_from_s[:3, 3].tolist(),
-                "rotation": _quaternion(outer),
+                "rotation": quaternion(outer),
                 "scale": scales.tolist(),
                 "children": [body],
                 "extras": {KEY: model_extras(model)},
@@ -218,20 +218,3 @@ class _Writer:
             image = self.glb.add("images", {"mimeType": kind, "bufferView": self.glb.blob(data)})
             self._textures[id(texture)] = self.glb.add("textures", {"source": image, "sampler": 0})
         return self._textures[id(texture)]
-
-
-def _quaternion(R: FloatArray) -> list[float]:
-    """x, y, z, w of a rotation matrix (Shepperd's method: the largest of the four first)."""
-    trace = float(np.trace(R))
-    four = np.array([R[0, 0], R[1, 1], R[2, 2], trace])
-    largest = int(four.argmax())
-    q = np.empty(4)
-    if largest == 3:
-        q[:] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + trace
-    else:
-        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
-        q[i] = 1.0 + R[i, i] - R[j, j] - R[k, k]
-        q[j], q[k] = R[j, i] + R[i, j], R[k, i] + R[i, k]
-        q[3] = R[k, j] - R[j, k]
-    q /= np.linalg.norm(q)
-    return [float(value) for value in q]
