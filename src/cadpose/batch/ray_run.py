@@ -117,7 +117,7 @@ class RayPool:
             told = pickle.loads(row["outcome"])  # made by our own actor a moment ago
             if isinstance(told, CadposeError):
                 raise told
-            _Note(self._settings["run"], told.paths).remove()
+            _Note(str(self._settings["run"]), told.paths).remove()
             yield told
 
 
