@@ -98,7 +98,8 @@ def test_verdicts_follow_the_confidence(trust: Trust) -> None:
 def test_a_doubtful_object_is_never_accepted_without_a_look(trust: Trust, flag: str) -> None:
     sure = replace(trust, accept=0.0, reject=0.0)
     plain = annotation()
-    doubtful = replace(plain, detection=replace(plain.detection, **{flag: True}))
+    changes: dict[str, Any] = {flag: True}
+    doubtful = replace(plain, detection=replace(plain.detection, **changes))
     found, other = sure.of(plain), sure.of(doubtful)
     assert found is not None
     assert other is not None

@@ -212,8 +212,8 @@ def test_mistakes(documents: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "none.db").exists()
     one_sentence(cadpose("export", "coco", "--store", "::", "--out", file), "is not a database URL")
     for url in ("postgresql//me:secret@host/a", "postgresql://me:secret@host:x/a"):
-        for words in (("export", "coco", "--out", file), ("db", "stats")):
-            result = cadpose(*words, "--store", url)
+        for verb in (("export", "coco", "--out", str(file)), ("db", "stats")):
+            result = cadpose(*verb, "--store", url)
             one_sentence(result, "is not a database URL")
             assert "secret" not in result.output
     one_sentence(cadpose("export", "coco", "--from", documents, "--out", tmp_path), "name a file")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -123,12 +124,13 @@ def test_mistakes(folder: Path, edit: Any, words: str) -> None:
 def test_numbers_beyond_all_bounds(folder: Path) -> None:
     file = folder / "pix3d.json"
     told = json.loads(file.read_text())
-    for edit in (
+    edits: tuple[Callable[[Any], object], ...] = (
         lambda e: e["cadpose"].update(offset=[0.5e-9, 0]),
         lambda e: e.update(bbox=[0.5e-9, 1, 2, 3]),
         lambda e: e.update(trans_mat=[0.0, 0.0, 0.5e-9]),
         lambda e: e.update(focal_length=0.5e-9),
-    ):
+    )
+    for edit in edits:
         entries = json.loads(json.dumps(told))
         edit(entries[0])
         # Python's JSON writes no 1e999, but reads it as infinity.
