@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -46,8 +47,11 @@ def import_(
     if store is not None:
         read = changed = 0
         says = _author(name, author)
+        documents = iter(documents_from(name, path))
+        # What cannot be read at all makes no store.
+        first = list(islice(documents, 1))
         with Store(store) as kept:
-            for document in documents_from(name, path):
+            for document in chain(first, documents):
                 read += 1
                 told = add_imported(kept, document, says)
                 changed += told is not None
