@@ -185,7 +185,7 @@ def fill(store: Store, number: int, seed: int) -> None:
     start = time.perf_counter()
     store.add_many(maker)
     spent = time.perf_counter() - start - maker.seconds
-    tell("fill, without making the documents", f"{number / spent:.0f} annotations a second ({spent:.0f} s)")
+    tell("fill, without making the documents", f"{number / spent:.0f} annotations a second")
 
 
 def stream(what: str, items: Iterator[object], most: int | None) -> None:

@@ -14,7 +14,14 @@ from cadpose.annotations.database.editing import edited
 from cadpose.annotations.database.engine import Database
 from cadpose.annotations.database.results import StoredAnnotation, StoredPhoto
 from cadpose.annotations.database.rows import cad_json
-from cadpose.annotations.database.selection import Selection, conditions, item_columns, item_of, joined
+from cadpose.annotations.database.selection import (
+    Selection,
+    conditions,
+    in_force,
+    item_columns,
+    item_of,
+    joined,
+)
 from cadpose.annotations.document import AnnotationDocument, FailurePart
 from cadpose.annotations.parts import PhotoPart
 
@@ -54,7 +61,7 @@ def iter_stored(database: Database, selection: Selection, original: bool) -> Ite
     """Every annotation that the selection takes, by name of its photo."""
     a, p = t.ANNOTATIONS.c, t.PHOTOS.c
     with database.reading() as connection:
-        where = conditions(connection, selection)
+        where = conditions(connection, selection, by_index=False)
     for found in _pages(database, [sa.exists().where(a.photo_sha256 == p.sha256, *where)]):
         with database.reading() as connection:
             stored = _stored(
@@ -71,13 +78,13 @@ def stored(connection: sa.Connection, annotation_id: str, original: bool) -> Sto
 def standing(connection: sa.Connection, photo_sha256: str) -> list[StoredAnnotation]:
     """A photo's annotations that hold."""
     a = t.ANNOTATIONS.c
-    return _stored(connection, [a.photo_sha256 == photo_sha256, a.in_force == sa.true()], False)
+    return _stored(connection, [a.photo_sha256 == photo_sha256, in_force()], False)
 
 
 def former(connection: sa.Connection, photo_sha256: str) -> list[StoredAnnotation]:
     """A photo's annotations that do not hold any more."""
     a = t.ANNOTATIONS.c
-    return _stored(connection, [a.photo_sha256 == photo_sha256, a.in_force == sa.false()], False)
+    return _stored(connection, [a.photo_sha256 == photo_sha256, ~in_force()], False)
 
 
 def _pages(database: Database, where: Sequence[sa.ColumnElement[bool]]) -> Iterator[Sequence[sa.Row[Any]]]:
@@ -102,7 +109,7 @@ def _documents(
 ) -> list[AnnotationDocument]:
     a, f = t.ANNOTATIONS.c, t.FAILURES.c
     digests = [photo.sha256 for photo in found]
-    held = [a.document_sha256 == t.PHOTOS.c.content_sha256] if original else [a.in_force == sa.true()]
+    held = [a.document_sha256 == t.PHOTOS.c.content_sha256] if original else [in_force()]
     query = (
         _with_edits(sa.select(a.photo_sha256, _TEXT, a.edit, *_cad_columns()))
         .join(t.PHOTOS, a.photo_sha256 == t.PHOTOS.c.sha256)

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from typing import Any, get_args
 
 import sqlalchemy as sa
+from sqlalchemy.ext.compiler import compiles
+from sqlalchemy.sql.compiler import SQLCompiler
+from sqlalchemy.sql.functions import FunctionElement
 
 from cadpose.annotations.database import tables as t
 from cadpose.annotations.database.results import VERDICTS, Kind, Page, QueueItem
@@ -54,35 +57,77 @@ class Selection:
             raise InputError(f"decided_by is human or program, not {self.decided_by!r}")
 
 
-def conditions(connection: sa.Connection, selection: Selection) -> list[sa.ColumnElement[bool]]:
-    """The selection on ``annotations``; what does not hold any more is never taken."""
-    a = t.ANNOTATIONS.c
-    found: list[sa.ColumnElement[bool]] = [a.in_force == sa.true()]
+class aside(FunctionElement[Any]):
+    """A column by whose index SQLite is not to go: without statistics it would take any for a narrow one."""
+
+    name = "aside"
+    inherit_cache = True
+
+    def __init__(self, column: sa.ColumnElement[Any]) -> None:
+        super().__init__(column)
+        self.type = column.type
+
+
+@compiles(aside)
+def _as_it_is(element: aside, compiler: SQLCompiler, **words: Any) -> str:
+    return str(compiler.process(element.clauses, **words))
+
+
+@compiles(aside, "sqlite")
+def _with_a_plus(element: aside, compiler: SQLCompiler, **words: Any) -> str:
+    return f"+{compiler.process(element.clauses, **words)}"
+
+
+def in_force(by_index: bool = False) -> sa.ColumnElement[bool]:
+    """What holds; looked at of rows that are found in another way unless told."""
+    column = t.ANNOTATIONS.c.in_force
+    return (column if by_index else aside(column)) == sa.true()
+
+
+def conditions(
+    connection: sa.Connection, selection: Selection, by_index: bool
+) -> list[sa.ColumnElement[bool]]:
+    """The selection on ``annotations``; what does not hold any more is never taken.
+
+    Args:
+        connection: To look names up.
+        selection: What to take.
+        by_index: Find the rows by these conditions, rather than look at rows that are found otherwise.
+    """
+
+    def column(name: str) -> sa.ColumnElement[Any]:
+        return t.ANNOTATIONS.c[name] if by_index else aside(t.ANNOTATIONS.c[name])
+
+    found: list[sa.ColumnElement[bool]] = [in_force(by_index)]
     if selection.category is not None:
-        found.append(a.category == selection.category)
+        found.append(column("category") == selection.category)
     if selection.cad_id is not None:
-        found.append(a.cad_id == selection.cad_id)
+        found.append(column("cad_id") == selection.cad_id)
     if selection.verdicts:
-        found.append(verdict_is(selection.verdicts))
+        found.append(_verdict(column("verdict"), selection.verdicts))
     if selection.min_confidence is not None or selection.max_confidence is not None:
         # `priority` is the confidence, -1 where there is none: the order of the index.
-        found.append(a.priority >= (selection.min_confidence or 0.0))
+        found.append(column("priority") >= (selection.min_confidence or 0.0))
     if selection.max_confidence is not None:
-        found.append(a.priority <= selection.max_confidence)
+        found.append(column("priority") <= selection.max_confidence)
     if selection.decided_by is not None:
-        found.append(a.decided_by == selection.decided_by)
+        found.append(column("decided_by") == selection.decided_by)
     if selection.text:
-        found.append(_named(connection, selection.text))
+        found.append(_named(connection, column("id"), selection.text))
     return found
 
 
-def verdict_is(verdicts: tuple[str, ...]) -> sa.ColumnElement[bool]:
-    """One of these holds, ``"undecided"`` among them."""
-    column, told = t.ANNOTATIONS.c.verdict, [v for v in verdicts if v != UNDECIDED]
+def _verdict(column: sa.ColumnElement[Any], verdicts: tuple[str, ...]) -> sa.ColumnElement[bool]:
+    told = [v for v in verdicts if v != UNDECIDED]
     parts: list[sa.ColumnElement[bool]] = [column.is_(None)] if UNDECIDED in verdicts else []
     if told:
         parts.append(column == told[0] if len(told) == 1 else column.in_(told))
     return sa.or_(*parts)
+
+
+def verdict_is(verdicts: tuple[str, ...]) -> sa.ColumnElement[bool]:
+    """One of these holds, ``"undecided"`` among them; looked at of rows that are found otherwise."""
+    return _verdict(aside(t.ANNOTATIONS.c.verdict), verdicts)
 
 
 def not_rejected() -> sa.ColumnElement[bool]:
@@ -92,18 +137,18 @@ def not_rejected() -> sa.ColumnElement[bool]:
     return sa.or_(sa.func.coalesce(a.decided_by, "") != "human", a.verdict != "reject")
 
 
-def _named(connection: sa.Connection, text: str) -> sa.ColumnElement[bool]:
+def _named(connection: sa.Connection, key: sa.ColumnElement[Any], text: str) -> sa.ColumnElement[bool]:
     """Names are looked through first: annotations of few matches are looked up, many are met on the way."""
     a, p, c = t.ANNOTATIONS.c, t.PHOTOS.c, t.CADS.c
     photos = sa.select(p.sha256).where(p.name.icontains(text, autoescape=True))
     cads = sa.select(c.id).where(c.name.icontains(text, autoescape=True))
     some = connection.scalars(photos.limit(_FEW + 1)).all()
     if len(some) > _FEW:
-        return sa.or_(a.photo_sha256.in_(photos), a.cad_id.in_(cads))
+        return sa.or_(aside(a.photo_sha256).in_(photos), aside(a.cad_id).in_(cads))
     other = t.ANNOTATIONS.alias().c
     of_photos = sa.select(other.id).where(other.photo_sha256.in_(some))
     of_cads = sa.select(other.id).where(other.in_force == sa.true(), other.cad_id.in_(cads))
-    return a.id.in_(sa.union_all(of_photos, of_cads))
+    return key.in_(sa.union_all(of_photos, of_cads))
 
 
 def item_columns() -> list[sa.ColumnElement[Any]]:
@@ -156,7 +201,7 @@ def page(connection: sa.Connection, selection: Selection, after: str | None, lim
     if not 1 <= limit <= _MOST:
         raise InputError(f"a page holds 1 to {_MOST} annotations, not {limit}")
     a = t.ANNOTATIONS.c
-    chosen = sa.select(a.id, a.priority).where(*conditions(connection, selection))
+    chosen = sa.select(a.id, a.priority).where(*conditions(connection, selection, by_index=True))
     if after is not None:
         chosen = chosen.where(sa.tuple_(a.priority, a.id) > sa.tuple_(*_key(after)))
     # The page's keys first, from the index alone; then what is shown of them.
@@ -180,5 +225,9 @@ def _key(after: str) -> tuple[float, str]:
 
 def count(connection: sa.Connection, selection: Selection) -> int:
     """How many annotations the selection takes."""
-    query = sa.select(sa.func.count()).select_from(t.ANNOTATIONS).where(*conditions(connection, selection))
+    query = (
+        sa.select(sa.func.count())
+        .select_from(t.ANNOTATIONS)
+        .where(*conditions(connection, selection, by_index=True))
+    )
     return int(connection.scalar(query) or 0)
