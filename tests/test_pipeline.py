@@ -60,7 +60,7 @@ def test_the_right_model_and_focal_length_at_a_known_rotation(
     assert found.pose.rotation == shot.rotation and found.hypotheses[0].rotation == shot.rotation
     assert found.pose.focal_px == pytest.approx(shot.focal_px, rel=0.01)
     assert found.pose.principal_px == pytest.approx((210.0, 140.0), abs=1.0)
-    assert found.box_iou > 0.99
+    assert found.box_iou > 0.98
     # GrabCut's mask, on a plain background.
     assert found.mask_iou is not None and found.mask_iou > 0.9
     assert found.detection.mask is not None and found.detection.mask.shape == shot.mask.shape

@@ -86,7 +86,8 @@ class Annotator:
         align_to: ``"box"`` fits the focal length to the detection box with the middles of box and projected
             rectangle together; ``"paper"`` keeps the principal point at the box's middle as the paper does;
             ``"mask"`` fits the silhouette to the mask. See docs/alignment.md.
-        refine: ``"off"``, ``"fast"`` or ``"full"``: render and compare about the fitted pose.
+        refine: ``"off"``, ``"fast"`` or ``"full"``: render and compare about the fitted pose; never with
+            ``align_to="paper"``.
         intrinsics: Tells which camera took a photo; EXIF where None.
         device: ``"cpu"`` or ``"cuda"``.
         seed: Seeds everything that draws random numbers.

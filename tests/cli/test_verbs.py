@@ -82,6 +82,9 @@ def test_annotate_names_model_and_pose(
     assert str(out / "index.html") in result.stdout
     assert {p.name for p in out.iterdir()} == {
         "index.html",
+        "report.html",
+        "journal.jsonl",
+        "thumbnails",
         *(f"street.{kind}" for kind in ("json", "overlay.png", "candidates.png", "card.html")),
     }
     with Store(f"sqlite:///{store}") as opened:

@@ -53,7 +53,8 @@ class Placement:
 
     Args:
         renderer: Draws them.
-        align_to: What the focal length is fitted to, one of :data:`ALIGNMENTS`; see docs/alignment.md.
+        align_to: What the focal length is fitted to, one of :data:`ALIGNMENTS`; see docs/alignment.md. What
+            is fitted as in the paper is never refined.
         refiner: Refines; None only where ``refine`` is ``"off"``.
         refine: One of :data:`cadpose.alignment.refinement.refine.MODES`.
 
@@ -111,7 +112,7 @@ class Placement:
                     photo.name,
                     camera.focal_px,
                 )
-        if self.refine != "off" and self.refiner is not None:
+        if self.refine != "off" and self.refiner is not None and self.align_to != "paper":
             crop = ObjectCrop.of(photo.rgb, box, mask)
             refine = partial(self.refiner.refine, crop, render=partial(self.renderer.render, mesh), turn=turn)
             refined = refine(pose, mode=self.refine, symmetry=symmetry)
