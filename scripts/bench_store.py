@@ -14,6 +14,7 @@ import resource
 import statistics
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -222,7 +223,7 @@ def main() -> None:
         names |= {"first page, text of many names": Selection(text="chair")}
         names |= {"first page, text of one name": Selection(text="sofa 000007")}
         for name, selection in names.items():
-            tell(name, milliseconds(lambda s=selection: store.queue(s)))  # type: ignore[misc]
+            tell(name, milliseconds(partial(store.queue, selection)))
         tell("deep page (confidence 0.95)", milliseconds(lambda: store.queue(after="0.95:")))
         tell("deep page, category and verdict", milliseconds(lambda: store.queue(both, after="0.75:")))
         tell("count all", milliseconds(store.count))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cadpose.logistic import Logistic
+from cadpose.logistic import Logistic, threshold_for
 
 
 def sample(n: int = 4000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -53,3 +53,10 @@ def test_what_cannot_be() -> None:
     ):
         with pytest.raises(ValueError, match=r"scales|names|shape"):
             replace(fitted, **change)
+
+
+def test_the_threshold_keeps_the_precision_asked_for() -> None:
+    p = np.array([0.9, 0.8, 0.7, 0.6])
+    assert threshold_for(p, np.array([True, True, False, True]), 0.99) == 0.8
+    assert threshold_for(p, np.array([True, True, False, True]), 0.7) == 0.6
+    assert threshold_for(p, np.array([False, True, True, True]), 0.9) == 1.0

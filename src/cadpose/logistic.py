@@ -1,19 +1,25 @@
-"""A logistic model of named features, fitted with NumPy alone."""
+"""A logistic model of named features, fitted with NumPy alone, and how fitted numbers are kept."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from cadpose.errors import InputError
 from cadpose.geometry.frames import FloatArray
 
 #: No finite sample shows that an answer is certain.
 _LEAST = 1e-3
 _STEPS = 100
+#: Longest kept model that is parsed.
+_MAX_CHARACTERS = 1_000_000
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +147,39 @@ class Logistic:
             np.array([float(f["weight"]) for f in features]),
             float(value["bias"]),
         )
+
+
+def threshold_for(p: FloatArray, right: NDArray[np.bool_], share: float) -> float:
+    """Lowest of (N,) chances from which on a share of the answers is right; 1 if none does."""
+    order = np.argsort(-p, kind="stable")
+    precision = np.cumsum(right[order]) / np.arange(1, len(p) + 1)
+    good = np.flatnonzero(precision >= share - 1e-12)
+    return float(p[order[good[-1]]]) if len(good) else 1.0
+
+
+def read_fitted(text: str, format_name: str, what: str, name: str, make: Callable[[Any], T]) -> T:
+    """What was fitted and kept as JSON.
+
+    Args:
+        text: JSON, an object whose ``format`` is ``format_name``.
+        format_name: Of the only version that is read.
+        what: What another file is, in the error: ``"no CAD confidence"``.
+        name: What to call the file.
+        make: Makes it of the object.
+
+    Raises:
+        InputError: it is none of this format, or ``make`` finds a key or number wrong.
+    """
+    try:
+        if len(text) > _MAX_CHARACTERS:
+            raise ValueError(f"longer than {_MAX_CHARACTERS} characters")
+        value: Any = json.loads(text)
+        if value["format"] != format_name:
+            raise ValueError(f"not of the format {format_name}")
+        return make(value)
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
+        why = f"it has no {error}" if isinstance(error, KeyError) else error
+        raise InputError(f"{name} is {what} ({why}), fit it again") from None
 
 
 def _sigmoid(log_odds: FloatArray) -> FloatArray:

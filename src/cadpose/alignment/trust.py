@@ -14,14 +14,13 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cadpose.errors import DependencyError, InputError
 from cadpose.geometry.frames import FloatArray
-from cadpose.logistic import Logistic
+from cadpose.logistic import Logistic, read_fitted, threshold_for
 from cadpose.records import Annotation, Verdict
 
 FORMAT = "cadpose.annotation-trust/1"
@@ -32,7 +31,6 @@ RIGHT_DEGREES, RIGHT_IOU = 15.0, 0.75
 #: IoU of silhouette and box, how far the pose moved from the first hypothesis, and what refinement expects
 #: to be left.
 FEATURES = ("rotation", "doubt", "cad", "none", "silhouette", "box", "moved", "left")
-_MAX_CHARACTERS = 100_000
 _L2 = 5.0
 #: Log odds beyond this say no more, nor do degrees.
 _MOST_ODDS, _MOST_DEGREES = 5.0, 60.0
@@ -77,8 +75,8 @@ class Trust:
         X, hit = np.asarray(features, float), np.asarray(right, bool)
         model = Logistic.fit(X, hit, FEATURES, l2=_L2)
         p = model.probability(X)
-        accept = _lowest(p, hit, precision)
-        return cls(model, accept, min(accept, 1.0 - _lowest(1.0 - p, ~hit, 1.0 - waste)))
+        accept = threshold_for(p, hit, precision)
+        return cls(model, accept, min(accept, 1.0 - threshold_for(1.0 - p, ~hit, 1.0 - waste)))
 
     def of(self, annotation: Annotation) -> tuple[float, Verdict] | None:
         """Confidence and verdict; None where a stage does not tell what is needed.
@@ -125,16 +123,15 @@ class Trust:
         Raises:
             InputError: it is none of this format; ``name`` says what to call it.
         """
-        try:
-            if len(text) > _MAX_CHARACTERS:
-                raise ValueError(f"longer than {_MAX_CHARACTERS} characters")
-            value: Any = json.loads(text)
-            if value["format"] != FORMAT:
-                raise ValueError(f"not of the format {FORMAT}")
-            return cls(Logistic.from_json(value["model"]), float(value["accept"]), float(value["reject"]))
-        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
-            what = f"it has no {error}" if isinstance(error, KeyError) else error
-            raise InputError(f"{name} is no annotation trust ({what}), fit it again") from None
+        return read_fitted(
+            text,
+            FORMAT,
+            "no annotation trust",
+            name,
+            lambda value: cls(
+                Logistic.from_json(value["model"]), float(value["accept"]), float(value["reject"])
+            ),
+        )
 
 
 def features_of(annotation: Annotation) -> FloatArray | None:
@@ -162,14 +159,6 @@ def features_of(annotation: Annotation) -> FloatArray | None:
             np.log1p(min(left.expected_error, _MOST_DEGREES)),
         ]
     )
-
-
-def _lowest(p: FloatArray, right: NDArray[np.bool_], target: float) -> float:
-    """Lowest chance from which on a share ``target`` is right; 1 if there is none."""
-    order = np.argsort(-p, kind="stable")
-    precision = np.cumsum(right[order]) / np.arange(1, len(p) + 1)
-    good = np.flatnonzero(precision >= target - 1e-12)
-    return float(p[order[good[-1]]]) if len(good) else 1.0
 
 
 @lru_cache(maxsize=1)

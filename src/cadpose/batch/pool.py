@@ -166,14 +166,9 @@ class WorkerPool:
 
     def _heard(self, seconds: float | None) -> Iterator[PhotoOutcome]:
         """Wait until a worker speaks, dies or has taken too long, and answer that."""
-        connections = {member.connection: member for member in self._members}
-        ends = {member.process.sentinel: member for member in self._members}
-        spoke = wait([*connections, *ends], seconds)
-        members = dict.fromkeys(
-            connections[one] if isinstance(one, Connection) else ends[one]  # type: ignore[index]
-            for one in spoke
-        )
-        for member in members:
+        heard = wait([end for m in self._members for end in (m.connection, m.process.sentinel)], seconds)
+        spoke = [m for m in self._members if m.connection in heard or m.process.sentinel in heard]
+        for member in spoke:
             alive = True
             # What it said before it died counts.
             while alive and member.connection.poll():
@@ -256,9 +251,8 @@ class WorkerPool:
         end = time.monotonic() + _GRACE
         with suppress(CadposeError):
             while self._busy() and time.monotonic() < end:
-                members = {m.connection: m for m in self._busy()}
-                for one in wait(list(members), max(0.0, end - time.monotonic())):
-                    member = members[one]  # type: ignore[index]
+                heard = wait([m.connection for m in self._busy()], max(0.0, end - time.monotonic()))
+                for member in [m for m in self._busy() if m.connection in heard]:
                     try:
                         message = member.connection.recv()
                     except (EOFError, OSError, pickle.UnpicklingError):

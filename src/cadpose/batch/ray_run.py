@@ -16,17 +16,15 @@ import secrets
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from cadpose.annotations.files import OutputPaths
 from cadpose.batch.failures import record_failure
 from cadpose.batch.job import Job
-from cadpose.batch.journal import Journal
 from cadpose.batch.making import Making
 from cadpose.batch.outcome import PhotoOutcome, Task
-from cadpose.batch.resume import Earlier, Resume
+from cadpose.batch.resume import finished
 from cadpose.batch.worker import PhotoWorker
 from cadpose.errors import CadposeError, DependencyError
 from cadpose.threads import limit_threads
@@ -215,12 +213,9 @@ class _Actor:
         begun, done = note.read()
         if begun:
             # Its piece comes again: another photo of it may have ended the actor after this one was done.
-            journal = Journal(task.paths.json.parent)
-            earlier = Earlier(journal.records())
-            resume = Resume(earlier, self._worker.making, journal, retry_failed=not done)
-            outcome = resume.outcome(task.photo, task.paths)
+            outcome = finished(task, self._worker.making, failed=done)
             if outcome is not None:
-                return replace(outcome, resumed=False)
+                return outcome
         if begun >= _TRIES and not done:
             reason = f"its worker died or took too long, {_TRIES} times"
             making, store = self._worker.making, self._worker.store
@@ -260,7 +255,8 @@ def _no_longer_than(seconds: float | None) -> Iterator[None]:
         return
 
     def end() -> None:
-        print(f"a photo took longer than {seconds:g} seconds", file=sys.stderr, flush=True)  # noqa: T201
+        sys.stderr.write(f"a photo took longer than {seconds:g} seconds\n")
+        sys.stderr.flush()
         os._exit(1)
 
     timer = threading.Timer(seconds, end)

@@ -137,10 +137,13 @@ class Resume:
         return record
 
 
-def finished(task: Task, making: Making) -> PhotoOutcome | None:
-    """The outcome of a photo that was done before its worker died, without having said so; else None."""
+def finished(task: Task, making: Making, *, failed: bool = False) -> PhotoOutcome | None:
+    """The outcome of a photo that was done before its worker died, without having said so; else None.
+
+    With ``failed`` a failure counts as done too.
+    """
     journal = Journal(task.paths.json.parent)
-    resume = Resume(Earlier(journal.records()), making, journal, retry_failed=True)
+    resume = Resume(Earlier(journal.records()), making, journal, retry_failed=not failed)
     outcome = resume.outcome(task.photo, task.paths)
     return None if outcome is None else replace(outcome, resumed=False)
 

@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cadpose.errors import InputError
 from cadpose.geometry.frames import FloatArray
-from cadpose.logistic import Logistic
+from cadpose.logistic import Logistic, read_fitted
 
 FORMAT = "cadpose.rotation-calibration/1"
 #: An answer is right within this angle, degrees.
@@ -26,7 +25,6 @@ WITHIN = 30.0
 _LEAST = 1e-4
 #: Answers that a point of the error map averages at least, and the most points.
 _MEMBERS, _KNOTS = 20, 16
-_MAX_CHARACTERS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,11 +172,9 @@ class Calibration:
         Raises:
             InputError: it is not a calibration of this format.
         """
-        try:
-            if len(text) > _MAX_CHARACTERS:
-                raise ValueError(f"longer than {_MAX_CHARACTERS} characters")
-            value: Any = json.loads(text)
-            if (value["format"], value["within_degrees"]) != (FORMAT, WITHIN):
+
+        def make(value: Any) -> Calibration:
+            if value["within_degrees"] != WITHIN:
                 raise ValueError(f"not of the format {FORMAT}")
             features, table = value["features"], value["expected_error"]
             return cls(
@@ -191,9 +187,8 @@ class Calibration:
                 errors=np.array([float(row["degrees"]) for row in table]),
                 threshold=float(value["threshold"]),
             )
-        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
-            what = f"it has no {error}" if isinstance(error, KeyError) else error
-            raise InputError(f"{name} is not a rotation calibration ({what}), fit it again") from None
+
+        return read_fitted(text, FORMAT, "not a rotation calibration", name, make)
 
 
 def _probability(log_odds: FloatArray) -> FloatArray:

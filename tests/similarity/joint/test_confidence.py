@@ -113,13 +113,6 @@ def fitted_once() -> Confidence:
     return _KEPT[0]
 
 
-def test_the_threshold_keeps_the_precision_asked_for() -> None:
-    p = np.array([0.9, 0.8, 0.7, 0.6])
-    assert module._threshold(p, np.array([True, True, False, True]), 0.99) == 0.8
-    assert module._threshold(p, np.array([True, True, False, True]), 0.7) == 0.6
-    assert module._threshold(p, np.array([False, True, True, True]), 0.9) == 1.0
-
-
 def test_json_gives_the_same_numbers_back() -> None:
     model = fitted_once()
     again = Confidence.from_json(model.to_json())

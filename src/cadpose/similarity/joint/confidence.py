@@ -13,20 +13,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cadpose.errors import DependencyError, InputError
 from cadpose.geometry.frames import FloatArray
-from cadpose.logistic import Logistic
+from cadpose.logistic import Logistic, read_fitted, threshold_for
 from cadpose.records import Candidate, RotationHypothesis
 
 FORMAT = "cadpose.cad-confidence/1"
 #: The shipped one.
 SHIPPED = "cad-confidence.json"
-_MAX_CHARACTERS = 1_000_000
 #: Strength of the penalty: the evidence is much alike, and weights shall not play it off against itself.
 _L2 = 10.0
 #: Candidates after the first share what is left by exp(score / temperature), up to the first's chance.
@@ -142,7 +140,7 @@ class Confidence:
             raise ValueError("some rankings must have the true model, some not, and those cannot be right")
         none = Logistic.fit(X, ~had, EVIDENCE, l2=_L2)
         first = Logistic.fit(X[had], hit[had], EVIDENCE, l2=_L2)
-        return cls(none, first, _threshold(first.probability(X[had]), hit[had], target_precision))
+        return cls(none, first, threshold_for(first.probability(X[had]), hit[had], target_precision))
 
     @classmethod
     def shipped(cls) -> Confidence:
@@ -196,20 +194,17 @@ class Confidence:
         Raises:
             InputError: it is none of this format; ``name`` says what to call it.
         """
-        try:
-            if len(text) > _MAX_CHARACTERS:
-                raise ValueError(f"longer than {_MAX_CHARACTERS} characters")
-            value: Any = json.loads(text)
-            if value["format"] != FORMAT:
-                raise ValueError(f"not of the format {FORMAT}")
-            return cls(
+        return read_fitted(
+            text,
+            FORMAT,
+            "no CAD confidence",
+            name,
+            lambda value: cls(
                 Logistic.from_json(value["none"]),
                 Logistic.from_json(value["first"]),
                 float(value["threshold"]),
-            )
-        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
-            what = f"it has no {error}" if isinstance(error, KeyError) else error
-            raise InputError(f"{name} is no CAD confidence ({what}), fit it again") from None
+            ),
+        )
 
 
 def _lead(ranked: Sequence[Candidate], measure: str) -> float:
@@ -225,11 +220,3 @@ def _lead(ranked: Sequence[Candidate], measure: str) -> float:
     usual = _SPREADS[measure]
     spread = np.sqrt((np.sum((others - others.mean()) ** 2) + usual**2) / (len(others) + 1.0))
     return float(np.clip((first - others.max()) / spread, _LEAST_LEAD, _MOST_LEAD))
-
-
-def _threshold(p: FloatArray, right: NDArray[np.bool_], target: float) -> float:
-    """Lowest probability that keeps a share ``target`` of right answers above it; 1 if none does."""
-    order = np.argsort(-p, kind="stable")
-    precision = np.cumsum(right[order]) / np.arange(1, len(p) + 1)
-    good = np.flatnonzero(precision >= target - 1e-12)
-    return float(p[order[good[-1]]]) if len(good) else 1.0
