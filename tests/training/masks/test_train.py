@@ -20,11 +20,12 @@ from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
 from cadpose.records import Photo
 from cadpose.training.architectures import TrainingOptions
+from cadpose.training.drawn import CHECKPOINT, DrawnStream
 from cadpose.training.lite import sources
 from cadpose.training.masks import train as training
 from cadpose.training.masks.export import export, trained_network
-from cadpose.training.masks.stream import MaskStream
-from cadpose.training.masks.train import CHECKPOINT, mask_sources, train
+from cadpose.training.masks.stream import masked_objects
+from cadpose.training.masks.train import mask_sources, train
 
 TINY: dict[str, Any] = {"fresh": 1, "buffer": 24, "warmup": 1, "validate_every": 2}
 
@@ -50,12 +51,12 @@ def options(library: Library, out: Path, **told: Any) -> TrainingOptions:
 
 
 def test_stream_holds_what_is_seen_of_each_object(small_library: Library) -> None:
-    stream = MaskStream(mask_sources(small_library, None, 0).train, photos=6)
+    stream = DrawnStream(mask_sources(small_library, None, 0).train, masked_objects, photos=6)
     (chunk,) = list(stream)
     assert chunk.photos.shape[1:] == (3, 288, 288)
     for mask, box in zip(chunk.masks, chunk.boxes, strict=True):
         assert Box.from_mask(mask.numpy()).to_tuple() == pytest.approx(box.tolist())
-    (again,) = list(MaskStream(mask_sources(small_library, None, 0).train, photos=6))
+    (again,) = list(DrawnStream(mask_sources(small_library, None, 0).train, masked_objects, photos=6))
     assert torch.equal(again.photos, chunk.photos)
 
 

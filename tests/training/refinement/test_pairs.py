@@ -8,7 +8,8 @@ from cadpose.geometry.boxes import Box
 from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.library.catalogue import Library
 from cadpose.poses import Pose4Dof, Rotation
-from cadpose.training.refinement.pairs import PairStream, step_between
+from cadpose.training.drawn import DrawnStream
+from cadpose.training.refinement.pairs import PairMaker, step_between
 from cadpose.training.refinement.train import pair_sources
 from cadpose.training.synth.records import SynthObject
 
@@ -44,8 +45,8 @@ def test_the_way_back_is_the_shortest_that_looks_the_same() -> None:
 
 def test_pairs_are_the_same_again_and_off_by_what_is_told(small_library: Library) -> None:
     source = pair_sources(small_library, None, 0).train
-    chunks = list(PairStream(source, photos=24))
-    again = list(PairStream(source, photos=24))
+    chunks = list(DrawnStream(source, PairMaker(), photos=24))
+    again = list(DrawnStream(source, PairMaker(), photos=24))
     assert all(
         torch.equal(a, b)
         for one, other in zip(chunks, again, strict=True)

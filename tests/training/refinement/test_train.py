@@ -17,11 +17,12 @@ from cadpose.errors import InputError
 from cadpose.library.catalogue import Library
 from cadpose.rotation.features import LEVELS, STEPS, standardised
 from cadpose.training.architectures import TrainingOptions
+from cadpose.training.drawn import CHECKPOINT
 from cadpose.training.lite import sources
 from cadpose.training.refinement import train as training
 from cadpose.training.refinement.export import export, trained_network
 from cadpose.training.refinement.network import UNITS, StepNetwork
-from cadpose.training.refinement.train import CHECKPOINT, train
+from cadpose.training.refinement.train import train
 
 TINY: dict[str, Any] = {"fresh": 1, "buffer": 24, "warmup": 1, "validate_every": 2}
 

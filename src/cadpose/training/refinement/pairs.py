@@ -6,14 +6,14 @@ The drawn model is the library's; the photographed one has other proportions and
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.utils.data import IterableDataset
 
 from cadpose.alignment.focal import align
 from cadpose.alignment.refinement.crop import BACKGROUND, ObjectCrop
@@ -24,7 +24,6 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.geometry.symmetry_groups import rotation_about
 from cadpose.poses import Pose4Dof, Rotation
 from cadpose.rendering.raster import Rasteriser
-from cadpose.training.lite.stream import Source, worker_chunks
 from cadpose.training.refinement.network import cells_of, cover_of
 from cadpose.training.synth.generator import SynthGenerator
 from cadpose.training.synth.records import SynthObject
@@ -37,8 +36,7 @@ LEAST_VISIBLE, LEAST_SIDE = 0.5, 56.0
 #: the first, some by a part of the second.
 OFF = np.array([[12.0, 6.0, 4.0], [25.0, 10.0, 7.0]])
 _PART = (0.1, 1.3)
-#: Photos that a worker draws at once, in series.
-_CHUNK = 2
+#: Beside the numbers that the generator seeds with.
 _PAIRS = 5
 
 
@@ -66,30 +64,24 @@ class Pairs:
         return self.photo, self.view, self.cover, self.step
 
 
-class PairStream(IterableDataset[Pairs]):
-    """Chunks of pairs from photo ``first`` on; worker w of W draws chunks w, w + W, ...
+class PairMaker:
+    """Makes the pairs of photos; encoder and rasteriser are made in the process that asks first."""
 
-    Args:
-        source: What is drawn from.
-        first: Number of the first photo.
-        photos: How many photos, None for no end.
-    """
+    @cached_property
+    def _encoder(self) -> Lite0:
+        return Lite0(threads=1)
 
-    def __init__(self, source: Source, first: int = 0, photos: int | None = None) -> None:
-        self.source, self.first, self.photos = source, first, photos
+    @cached_property
+    def _drawer(self) -> Rasteriser:
+        return Rasteriser()
 
-    @property
-    def chunk(self) -> int:
-        """Photos a chunk."""
-        return _CHUNK * self.source.options.series
-
-    def __iter__(self) -> Iterator[Pairs]:
-        generator, encoder, drawer = self.source.generator(), Lite0(threads=1), Rasteriser()
-        for numbers in worker_chunks(self.first, self.photos, self.chunk):
-            rows = [row for i in numbers for row in _of_photo(generator, encoder, drawer, i)]
-            if rows:
-                photo, view, cover, step = (np.stack(part) for part in zip(*rows, strict=True))
-                yield Pairs(*(torch.from_numpy(a) for a in (photo, view, cover, step)))
+    def __call__(self, generator: SynthGenerator, numbers: Sequence[int]) -> Pairs | None:
+        """The pairs of photos; None where they show nothing to learn from."""
+        rows = [row for i in numbers for row in _of_photo(generator, self._encoder, self._drawer, i)]
+        if not rows:
+            return None
+        photo, view, cover, step = (np.stack(part) for part in zip(*rows, strict=True))
+        return Pairs(*(torch.from_numpy(a) for a in (photo, view, cover, step)))
 
 
 Row = tuple[NDArray[np.int8], NDArray[np.int8], NDArray[np.uint8], NDArray[np.float32]]
