@@ -5,6 +5,7 @@
 # make postgres  a PostgreSQL server of Debian's; the store's tests run on it too when it is there
 # make browser  Chromium, three.js and the glTF validator, for the test of exported scenes in a real viewer
 # make detectors  what DetectoRS needs but for its weights (PyTorch among it); its tests run when it is there
+# make web  builds the review page from web/ into src/cadpose/review/static, where it is committed; needs node 20.19
 # The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
 
 PYTHON ?= python3
@@ -12,7 +13,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 APT    := $(shell [ "$$(id -u)" = 0 ] || echo sudo) apt-get
 
-.PHONY: demo test test-fast lint models blender postgres browser ray detectors clean
+.PHONY: demo test test-fast lint models blender postgres browser ray detectors web web-packages clean
 
 demo: $(VENV)/.demo models
 	$(BIN)/cadpose library add sweethome3d
@@ -57,6 +58,16 @@ browser: $(VENV)/.test
 		&& for name in three gltf-validator; do \
 			mkdir $$name && tar -xzf $$name-[0-9]*.tgz -C $$name --strip-components 1 || exit 1; done
 
+web: web-packages
+	cd web && npm run check && npm test && npm run build
+
+web-packages: web/node_modules/.package-lock.json
+
+web/node_modules/.package-lock.json: web/package-lock.json
+	@command -v npm >/dev/null || { $(APT) update -q && $(APT) install -qy --no-install-recommends nodejs npm; }
+	cd web && npm ci --ignore-scripts
+	@touch $@
+
 ray: $(VENV)/.test
 	$(BIN)/python -m pip install -q -e '.[ray]'
 
@@ -79,4 +90,4 @@ $(VENV)/.test: pyproject.toml | $(BIN)/python
 	@touch $@ $(VENV)/.demo
 
 clean:
-	rm -rf $(VENV) runs .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) web/node_modules runs .mypy_cache .ruff_cache .pytest_cache .hypothesis

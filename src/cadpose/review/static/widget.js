@@ -1,0 +1,3 @@
+// src/widget.ts
+var e = { render() {} };
+export { e as default };

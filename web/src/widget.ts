@@ -1,0 +1,2 @@
+/** The notebook's widget (anywidget); see view/ for what it shows. */
+export default { render(): void {} };
