@@ -6,6 +6,7 @@ The tables and what they mean are told in docs/database.md; the work is done in 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -23,11 +24,13 @@ from cadpose.annotations.database.results import (
     DecisionVerdict,
     Page,
     QueueItem,
+    Region,
     StoredAnnotation,
     StoredDecision,
     StoredFailure,
     StoredPhoto,
 )
+from cadpose.annotations.database.reviewing import Reviewing, reviewing
 from cadpose.annotations.database.selection import UNDECIDED, Selection, count, not_rejected, page, verdict_is
 from cadpose.annotations.document import AnnotationDocument
 from cadpose.records import Annotation, CadModel, Pose4Dof
@@ -42,6 +45,8 @@ __all__ = [
     "Page",
     "Problem",
     "QueueItem",
+    "Region",
+    "Reviewing",
     "Selection",
     "Store",
     "StoredAnnotation",
@@ -239,6 +244,7 @@ class Store:
         note: str = "",
         pose: Pose4Dof | None = None,
         cad: CadModel | None = None,
+        region: Region | None = None,
         measures: Mapping[str, float] | None = None,
     ) -> int:
         """Say what is to be done with an annotation.
@@ -252,6 +258,7 @@ class Store:
             note: Anything else.
             pose: With ``edit``: the right pose.
             cad: With ``edit``: the right model.
+            region: With ``edit``: the right box, and mask if there is one.
             measures: With ``edit``: ``box_iou`` and ``mask_iou`` of what was set.
 
         Returns:
@@ -260,7 +267,8 @@ class Store:
         Raises:
             ConflictError: somebody else decided meanwhile, another run took the annotation's place, or a
                 program would overrule a person.
-            InputError: no such annotation or verdict, or an edit without a change.
+            InputError: no such annotation or verdict, an edit without a change, or a region that does not
+                fit the photo.
             CadposeError: the store cannot be written.
         """
         with self._database.writing() as connection:
@@ -274,6 +282,7 @@ class Store:
                 note=note,
                 pose=pose,
                 cad=cad,
+                region=region,
                 measures=measures,
             )
 
@@ -311,6 +320,15 @@ class Store:
         """Counts by category, verdict, model, licence, version, author and stage."""
         with self._database.reading() as connection:
             return stats(connection)
+
+    def reviewing(self, now: datetime | None = None) -> Reviewing:
+        """How far people have come, how fast they are, and how much they agree.
+
+        Args:
+            now: The moment that the last hour is counted back from, UTC; the present one unless told.
+        """
+        with self._database.reading() as connection:
+            return reviewing(connection, now)
 
     def merge(self, other: Store) -> MergeReport:
         """Take over everything of another store, whole or not at all; twice changes nothing more.

@@ -9,7 +9,7 @@ import pytest
 
 from cadpose.annotations.database import deciding
 from cadpose.annotations.document import AnnotationDocument, document_from
-from cadpose.annotations.store import TRUSTED, Author, ConflictError, Selection, Store
+from cadpose.annotations.store import TRUSTED, Author, ConflictError, Region, Selection, Store
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.records import Pose4Dof, Rotation
@@ -116,6 +116,46 @@ def test_a_candidate_that_is_chosen_keeps_its_measures(store: Store) -> None:
     assert now.pose == store.annotations(original=True)[0].pose
 
 
+def test_a_box_and_mask_that_a_person_drew_hold(store: Store) -> None:
+    annotation, version = one(store)
+    machine = store.annotations()[0]
+    width, height = machine.photo_size
+    mask = np.zeros((height, width), bool)
+    mask[3:9, 2:12] = True
+    region = Region(Box(2.0, 3.0, 12.0, 9.0), mask)
+    store.decide(annotation, "edit", ANNA, expected_version=version, region=region, measures={"box_iou": 0.4})
+    (now,) = store.annotations()
+    assert now.detection.box == region.box and now.detection.mask is not None
+    assert np.array_equal(now.detection.mask, mask)
+    # A small box is told as such, whatever the machine's was.
+    assert now.detection.tiny and not machine.detection.tiny
+    assert now.pose == machine.pose and now.cad == machine.cad and now.mask_iou is None
+    assert store.history(annotation)[1].region_after is not None
+    document = store.document(machine.photo_sha256)
+    assert document is not None and document.annotations[0].detection.box == (2.0, 3.0, 12.0, 9.0)
+    # Without a mask there is none, not the machine's.
+    store.decide(annotation, "edit", BEN, expected_version=None, region=Region(Box(1.0, 1.0, 50.0, 40.0)))
+    assert store.annotations()[0].detection.mask is None
+    (original,) = store.annotations(original=True)
+    assert original.detection.box == machine.detection.box
+    assert list(store.check()) == []
+
+
+def test_a_region_that_does_not_fit_is_refused(store: Store) -> None:
+    annotation, version = one(store)
+    for region, word in (
+        (Region(Box(900.0, 900.0, 950.0, 950.0)), "outside"),
+        (Region(Box(1.0, 1.0, 9.0, 9.0), np.ones((3, 5), bool)), "5 x 3"),
+    ):
+        with pytest.raises(InputError, match=word):
+            store.decide(annotation, "edit", ANNA, expected_version=version, region=region)
+    with pytest.raises(InputError, match="no other verdict takes one"):
+        store.decide(annotation, "accept", ANNA, expected_version=version, region=Region(Box(1, 1, 9, 9)))
+    with pytest.raises(ValueError, match="no pixel"):
+        Region(Box(1, 1, 9, 9), np.zeros((3, 5), bool))
+    assert len(store.history(annotation)) == 1
+
+
 def test_two_reviewers_do_not_overwrite_each_other(store: Store) -> None:
     annotation, version = one(store)
     store.decide(annotation, "accept", ANNA, expected_version=version)
@@ -181,7 +221,7 @@ def test_what_is_said_later_counts_later_whatever_the_clock(
     ("change", "message"),
     [
         ({"verdict": "perfect"}, "a verdict is one of"),
-        ({"verdict": "edit"}, "needs a pose or a CAD model"),
+        ({"verdict": "edit"}, "needs a pose, a CAD model or a region"),
         ({"verdict": "accept", "pose": POSE}, "no other verdict takes one"),
         ({"annotation_id": "ff" * 32}, "holds no annotation ffff"),
     ],

@@ -99,7 +99,7 @@ def test_an_old_store_is_migrated_without_loss(tmp_path: Path) -> None:
     before = old_documents(path)
     url = f"sqlite:///{path}"
     with Store(url) as store:
-        assert (store.revision_found, store.backup) == ("0000", tmp_path / "old.db.before-0002")
+        assert (store.revision_found, store.backup) == ("0000", tmp_path / f"old.db.before-{t.HEAD}")
         assert list(store.check()) == []
         assert [photo.name for photo in store.photos()] == ["old/a.jpg", "old/b.jpg", "old/empty.jpg"]
         first = store.document(store.photos()[0].sha256)
@@ -114,10 +114,12 @@ def test_an_old_store_is_migrated_without_loss(tmp_path: Path) -> None:
         "candidates": 7, "hypotheses": 6, "detections": 4, "cads": 4, "decisions": 0,
     }  # fmt: skip
     # The copy is the old file, and it is not made again.
-    assert old_documents(tmp_path / "old.db.before-0002") == before
+    assert old_documents(tmp_path / f"old.db.before-{t.HEAD}") == before
     with Store(url) as store:
         assert (store.revision_found, store.backup) == (t.HEAD, None)
-    assert [p.name for p in tmp_path.glob("*before*") if p.suffix == ".before-0002"] == ["old.db.before-0002"]
+    assert [p.name for p in tmp_path.glob("*before*") if p.suffix == f".before-{t.HEAD}"] == [
+        f"old.db.before-{t.HEAD}"
+    ]
     assert not list(tmp_path.glob(".*.part"))
 
 
@@ -204,7 +206,7 @@ def test_processes_that_open_an_old_store_at_once_take_turns(tmp_path: Path) -> 
     command_line = [sys.executable, "-c", OPENER, f"sqlite:///{path}"]
     runs = [subprocess.Popen(command_line, stdout=subprocess.PIPE, text=True) for _ in range(3)]
     assert [run.communicate(timeout=120)[0] for run in runs] == ["3\n"] * 3
-    assert [p.name for p in tmp_path.glob("*before*")] == ["old.db.before-0002"]
+    assert [p.name for p in tmp_path.glob("*before*")] == [f"old.db.before-{t.HEAD}"]
 
 
 def test_threads_that_make_a_store_at_once_take_turns(url: str) -> None:
@@ -255,3 +257,19 @@ def test_the_revisions_are_part_of_the_package(tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "50%s")
     assert (folder / "env.py").is_file() and (folder / "versions" / "0002_history.py").is_file()
     assert prepare.__module__.startswith("cadpose.")
+
+
+def test_a_store_of_the_second_revision_takes_a_region(tmp_path: Path) -> None:
+    path = tmp_path / "second.db"
+    with Store(f"sqlite:///{path}") as store:
+        store.add(make_document("a.jpg", annotations=1))
+        before = store.history(store.queue().items[0].annotation_id)
+    with sqlite3.connect(path) as connection:
+        connection.execute("ALTER TABLE decisions DROP COLUMN region_after")
+        connection.execute(f"UPDATE {t.VERSION_TABLE} SET version_num = '0002'")
+    connection.close()
+    with Store(f"sqlite:///{path}") as store:
+        assert store.revision_found == "0002" and store.backup is not None
+        # The ids of decisions stay what they were: they are digests of all columns.
+        assert list(store.check()) == []
+        assert store.history(store.queue().items[0].annotation_id) == before

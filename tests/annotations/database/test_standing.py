@@ -62,7 +62,7 @@ def test_a_rejected_answer_comes_back_only_as_the_same() -> None:
 
 def decision(minute: int, verdict: str, kind: str = "human", **changes: Any) -> dict[str, Any]:
     row = {"id": f"{minute}", "kind": kind, "author": "x", "decided_at": at(minute), "verdict": verdict}
-    return row | {"pose_after": None, "cad_after": None, "measures": None} | changes
+    return row | {"pose_after": None, "cad_after": None, "region_after": None, "measures": None} | changes
 
 
 def test_decisions_come_to_one_verdict() -> None:

@@ -9,13 +9,14 @@ from typing import Any
 import sqlalchemy as sa
 
 from cadpose.annotations.database import tables as t
-from cadpose.annotations.database.editing import pose_json, pose_of
+from cadpose.annotations.database.editing import pose_json, pose_of, region_json, region_of
 from cadpose.annotations.database.engine import fetch, insert_new, lock_photos
 from cadpose.annotations.database.results import (
     VERDICTS,
     Author,
     ConflictError,
     DecisionVerdict,
+    Region,
     StoredDecision,
 )
 from cadpose.annotations.database.rows import Row, add_cad, cad_json, ordered, short_digest
@@ -36,13 +37,17 @@ def decide(
     note: str = "",
     pose: Pose4Dof | None = None,
     cad: CadModel | None = None,
+    region: Region | None = None,
     measures: Mapping[str, float] | None = None,
 ) -> int:
     """Write a decision; see ``Store.decide``."""
     if verdict not in VERDICTS:
         raise InputError(f"a verdict is one of {', '.join(VERDICTS)}, not {verdict!r}")
-    if (pose is not None or cad is not None) != (verdict == "edit"):
-        raise InputError("the verdict edit needs a pose or a CAD model, and no other verdict takes one")
+    changed = pose is not None or cad is not None or region is not None
+    if changed != (verdict == "edit"):
+        raise InputError(
+            "the verdict edit needs a pose, a CAD model or a region, and no other verdict takes one"
+        )
     a = t.ANNOTATIONS.c
     photo = connection.scalar(sa.select(a.photo_sha256).where(a.id == annotation_id))
     if photo is None:
@@ -52,6 +57,8 @@ def decide(
     (row,) = fetch(connection, sa.select(t.ANNOTATIONS).where(a.id == annotation_id))
     last = _last(connection, annotation_id)
     _refuse_stale(row, last, author, expected_version)
+    if region is not None:
+        _refuse_outside(connection, photo, region)
     cads: dict[str, Row] = {}
     after = None if cad is None else add_cad(cads, CadPart.of(cad).model_dump(mode="json"))
     insert_new(connection, t.CADS, ordered(cads))
@@ -73,6 +80,7 @@ def decide(
         "pose_after": None if pose is None else pose_json(pose),
         "cad_before": row["cad_key"],
         "cad_after": after,
+        "region_after": None if region is None else region_json(region),
         "measures": {name: float(value) for name, value in measures.items()} if measures else None,
     }
     connection.execute(sa.insert(t.DECISIONS), [{"id": decision_id(decision), **decision}])
@@ -84,6 +92,8 @@ def decide(
 def decision_id(decision: Mapping[str, Any]) -> str:
     """Key of a row of ``decisions``: digest of everything else in it."""
     told = {name: value for name, value in decision.items() if name != "id"}
+    if told.get("region_after") is None:  # decisions of earlier revisions could tell none
+        told.pop("region_after", None)
     return short_digest(told | {"decided_at": decision["decided_at"].isoformat()})
 
 
@@ -104,6 +114,18 @@ def _refuse_stale(
     if author.kind == "program" and row["decided_by"] == "human":
         raise ConflictError(
             f"a person has decided on annotation {name}: {author.name} leaves it as it is ({row['verdict']})"
+        )
+
+
+def _refuse_outside(connection: sa.Connection, photo: str, region: Region) -> None:
+    p = t.PHOTOS.c
+    width, height = connection.execute(sa.select(p.width, p.height).where(p.sha256 == photo)).one()
+    if region.box.clipped(width, height) is None:
+        raise InputError(f"the box {region.box.to_tuple()} lies outside the photo of {width} x {height}")
+    if region.mask is not None and region.mask.shape != (height, width):
+        rows, columns = region.mask.shape
+        raise InputError(
+            f"the mask of {columns} x {rows} pixels does not fit the photo of {width} x {height}"
         )
 
 
@@ -140,6 +162,7 @@ def history(connection: sa.Connection, annotation_id: str) -> list[StoredDecisio
             pose_after=None if row["pose_after"] is None else pose_of(row["pose_after"]),
             cad_before=cads.get(row["cad_before"]),
             cad_after=cads.get(row["cad_after"]),
+            region_after=None if row["region_after"] is None else region_of(row["region_after"]),
             measures=row["measures"] or {},
         )
         for row in rows

@@ -103,7 +103,7 @@ def _found(connection: sa.Connection, database: Database) -> str:
 
 
 #: Every revision that this program can read or migrate, oldest first.
-REVISIONS = (UNNUMBERED, "0001", t.HEAD)
+REVISIONS = (UNNUMBERED, "0001", "0002", t.HEAD)
 
 
 def _take_turns(connection: sa.Connection) -> None:

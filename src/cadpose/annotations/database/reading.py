@@ -111,7 +111,9 @@ def _documents(
     digests = [photo.sha256 for photo in found]
     held = [a.document_sha256 == t.PHOTOS.c.content_sha256] if original else [in_force()]
     query = (
-        _with_edits(sa.select(a.photo_sha256, _TEXT, a.edit, *_cad_columns()))
+        _with_edits(
+            sa.select(a.photo_sha256, _TEXT, a.edit, t.PHOTOS.c.width, t.PHOTOS.c.height, *_cad_columns())
+        )
         .join(t.PHOTOS, a.photo_sha256 == t.PHOTOS.c.sha256)
         .where(a.photo_sha256.in_(digests), *held, *where)
         .order_by(a.photo_sha256, a.position, a.id)
@@ -166,4 +168,4 @@ def _part(row: sa.Row[Any], original: bool) -> AnnotationPart:
     if original or row.edit is None:
         return part
     cad = cad_json({name: getattr(row, f"now_{name}") for name in _CAD_NAMES})
-    return edited(part, row.edit, cad if "cad" in row.edit else None)
+    return edited(part, row.edit, cad if "cad" in row.edit else None, (row.width, row.height))

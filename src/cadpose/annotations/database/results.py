@@ -7,7 +7,8 @@ from datetime import datetime
 from typing import Literal, get_args
 
 from cadpose.errors import CadposeError
-from cadpose.records import Annotation, CadModel, Pose4Dof
+from cadpose.geometry.boxes import Box
+from cadpose.records import Annotation, CadModel, Mask, Pose4Dof
 
 #: What can be said of an annotation.
 DecisionVerdict = Literal["accept", "reject", "edit", "auto_accept", "review", "skip"]
@@ -85,6 +86,30 @@ class Author:
             raise ValueError(f"an author is human or program, not {self.kind!r}")
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Region:
+    """Where the object is in its photo, as a person drew it.
+
+    Attributes:
+        box: Rectangle in continuous pixels of the photo.
+        mask: (H, W) bool of the photo's size, or None.
+
+    Raises:
+        ValueError: the mask is not a 2-D bool array, or empty.
+    """
+
+    box: Box
+    mask: Mask | None = None
+
+    def __post_init__(self) -> None:
+        if self.mask is None:
+            return
+        if self.mask.ndim != 2 or self.mask.dtype != bool:
+            raise ValueError("Region.mask must be a (H, W) bool array")
+        if not self.mask.any():
+            raise ValueError("the mask has no pixel")
+
+
 @dataclass(frozen=True, slots=True)
 class StoredDecision:
     """One decision on one annotation.
@@ -101,6 +126,7 @@ class StoredDecision:
         pose_after: The pose that was set, None where it was left.
         cad_before: The model that was looked at.
         cad_after: The model that was set, None where it was left.
+        region_after: Box and mask that were set, None where they were left.
         measures: ``box_iou`` and ``mask_iou`` of the pose that was set, as far as they were told.
     """
 
@@ -115,6 +141,7 @@ class StoredDecision:
     pose_after: Pose4Dof | None = None
     cad_before: CadModel | None = None
     cad_after: CadModel | None = None
+    region_after: Region | None = None
     measures: dict[str, float] = field(default_factory=dict)
 
 
@@ -139,7 +166,7 @@ class QueueItem:
         machine_verdict: What the program said when it annotated.
         verdict: What holds now, None where nobody and nothing has decided.
         decided_by: ``"human"``, ``"program"`` or None.
-        edited: Whether a decision changed pose or model.
+        edited: Whether a decision changed pose, model or region.
         in_force: Whether lists and exports give it; a former answer is history.
     """
 

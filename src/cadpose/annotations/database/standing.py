@@ -31,8 +31,8 @@ class Verdict:
     Attributes:
         verdict: What holds; None where nothing was decided.
         decided_by: ``"human"``, ``"program"`` or None.
-        edit: JSON of what was changed, or None: ``pose``, ``cad`` (its key), ``measures``, ``by``, ``kind``,
-            ``at``.
+        edit: JSON of what was changed, or None: ``pose``, ``cad`` (its key), ``region``, ``measures``,
+            ``by``, ``kind``, ``at``.
         settled: A person's accept, edit or reject, None without.
         settled_at: When.
     """
@@ -49,13 +49,16 @@ def settled(decisions: Sequence[Mapping[str, Any]]) -> Verdict:
     in_order = sorted(decisions, key=lambda d: (d["kind"] == "human", d["decided_at"], d["id"]))
     edit: dict[str, Any] = {}
     for row in in_order:
-        if row["pose_after"] is not None or row["cad_after"] is not None:
+        changes = [row[name] for name in ("pose_after", "cad_after", "region_after")]
+        if any(change is not None for change in changes):
             edit |= {"by": row["author"], "kind": row["kind"], "at": row["decided_at"].isoformat()}
         if row["pose_after"] is not None:
             # Measures belong to the pose that they were taken of.
             edit |= {"pose": row["pose_after"], "measures": row["measures"] or {}}
         if row["cad_after"] is not None:
             edit |= {"cad": row["cad_after"], "measures": row["measures"] or {}}
+        if row["region_after"] is not None:
+            edit |= {"region": row["region_after"], "measures": row["measures"] or {}}
     people = [row for row in in_order if row["kind"] == "human"]
     word = _last_word(people)
     last = word or _last_word(in_order)

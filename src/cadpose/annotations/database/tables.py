@@ -31,7 +31,7 @@ from sqlalchemy import (
 )
 
 #: The newest revision of the tables; :mod:`cadpose.annotations.migrations` leads there from any older one.
-HEAD = "0002"
+HEAD = "0003"
 
 #: Where a store says its revision. Not alembic's own name: a database may hold other programs' tables too.
 VERSION_TABLE = "cadpose_revision"
@@ -239,6 +239,8 @@ DECISIONS = Table(
     Column("pose_after", JSON(none_as_null=True)),
     Column("cad_before", ForeignKey(CADS.c.key)),
     Column("cad_after", ForeignKey(CADS.c.key)),
+    # Box and mask that were set, null where they were left.
+    Column("region_after", JSON(none_as_null=True)),
     # box_iou and mask_iou of an edited pose.
     Column("measures", JSON(none_as_null=True)),
     CheckConstraint("kind IN ('human', 'program')", name="kind"),
