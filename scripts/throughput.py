@@ -33,7 +33,10 @@ RAY_PROGRAM = [
     "cluster = Cluster(True, head_node_args={'num_cpus': 1, 'include_dashboard': False})\n"
     "cluster.add_node(num_cpus=1)\n"
     "ray.init(address=cluster.address, log_to_driver=False, logging_level='ERROR')\n"
-    "from cadpose.cli.main import main; main()",
+    "from cadpose.cli.main import main\n"
+    # Left to the interpreter's end, the nodes go before the program has let go of them, which makes it fail.
+    "try: main()\n"
+    "finally: ray.shutdown(); cluster.shutdown()",
 ]
 
 
