@@ -1,0 +1,28 @@
+/** Listens to the keyboard for the whole page. */
+
+import type { App } from "./app_state";
+import { command } from "./commands";
+import { isTaken, isWriting, match } from "./keys/match";
+
+export function listen(app: App, target: Window): () => void {
+  function onKeyDown(event: KeyboardEvent): void {
+    if (event.defaultPrevented || event.isComposing || app.review.dialog.peek()) return;
+    const where = event.target instanceof Element ? event.target : null;
+    if (event.key === "Escape") return escape(app, where);
+    if (isWriting(event.target) || isTaken(event, event.target)) return;
+    // The page as a whole counts as the photo: nothing else has the focus then.
+    const inView = where === null || where === document.body || where.closest(".view") !== null;
+    const pressed = match(event, inView);
+    if (!pressed) return;
+    event.preventDefault();
+    command(app, pressed.id, pressed.digit);
+  }
+  target.addEventListener("keydown", onKeyDown);
+  return () => target.removeEventListener("keydown", onKeyDown);
+}
+
+/** Out of a field, out of drawing, back to the photo. */
+function escape(app: App, where: Element | null): void {
+  app.review.drawing.value = "";
+  if (where instanceof HTMLElement && where !== document.body) app.review.focusView();
+}

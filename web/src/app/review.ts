@@ -1,0 +1,256 @@
+/** The page's state: the open item, its draft, the queue; components read the signals and call the verbs. */
+
+import { batch, computed, signal } from "@preact/signals";
+
+import { type Api, sentence } from "./api/client";
+import type { Cad, Detail, Item, Pose, Region, Session, Stats } from "./api/types";
+import { type Dialog, type Notice, type Tone } from "./notices";
+import { Queue } from "./queue";
+import { Details } from "./state/details";
+import { type Draft, isChanged, samePose } from "./state/draft";
+import type { Settings } from "./state/settings";
+import { Desk, type Work } from "./state/work";
+
+export type Drawing = "" | "box" | "mask";
+export type Tab = "queue" | "adjust" | "models" | "info";
+
+/** So long a fetched item counts as fresh. */
+const FRESH_MS = 15_000;
+
+export class Review {
+  readonly session = signal<Session | null>(null);
+  /** Why the page cannot begin, empty while it can. */
+  readonly failure = signal("");
+  readonly stats = signal<Stats | null>(null);
+  readonly queue: Queue;
+  readonly details: Details;
+  readonly desk = new Desk();
+
+  readonly currentId = signal<string | null>(null);
+  readonly detail = signal<Detail | null>(null);
+  readonly opening = signal(false);
+  /** Why the item could not be opened. */
+  readonly trouble = signal("");
+  /** What is seen: the last committed state, or one on its way while something is dragged. */
+  readonly draft = signal<Draft | null>(null);
+  readonly base = signal<Draft | null>(null);
+  readonly canUndo = signal(false);
+  readonly canRedo = signal(false);
+  /** Raised whenever the drafts on the desk change. */
+  readonly deskTick = signal(0);
+  /** What the wipe shows on its left. */
+  readonly before = signal<Pose | null>(null);
+  readonly iou = signal<number | null>(null);
+  readonly drawing = signal<Drawing>("");
+  /** The item that stands on the screen, photo and model and all. */
+  readonly drawn = signal("");
+
+  readonly busy = signal<"" | "snap" | "save">("");
+  readonly dialog = signal<Dialog | null>(null);
+  readonly notice = signal<Notice | null>(null);
+  readonly author = signal("");
+  readonly tab = signal<Tab>("adjust");
+
+  readonly changed = computed(() => {
+    const base = this.base.value;
+    const draft = this.draft.value;
+    return base !== null && draft !== null && isChanged(base, draft);
+  });
+
+  /** Brings photo and model of an item into caches; the drawing part hangs itself in here. */
+  warm: (detail: Detail) => void = () => undefined;
+  /** The refinement that is under way; leaving the item ends it. */
+  snapping: AbortController | null = null;
+  /** Puts the focus on the photo. */
+  focusView: () => void = () => undefined;
+
+  constructor(
+    readonly api: Api,
+    readonly settings: Settings,
+  ) {
+    this.queue = new Queue(api);
+    this.details = new Details({
+      detail: (id) => api.annotation(id),
+      warm: (detail) => this.warm(detail),
+    });
+    this.author.value = settings.author;
+  }
+
+  get work(): Work | undefined {
+    const id = this.currentId.peek();
+    return id === null ? undefined : this.desk.get(id);
+  }
+
+  async begin(wanted: string | null): Promise<void> {
+    this.failure.value = "";
+    try {
+      const session = await this.api.session();
+      this.session.value = session;
+      if (!this.author.value) this.author.value = session.author;
+      void this.refreshStats();
+      await this.queue.reload();
+    } catch (error) {
+      this.failure.value = sentence(error);
+      return;
+    }
+    if (this.queue.error.value) {
+      this.failure.value = this.queue.error.value;
+      return;
+    }
+    const first = wanted ?? this.queue.firstOpen()?.id;
+    if (first) await this.open(first);
+  }
+
+  async refreshStats(): Promise<void> {
+    try {
+      this.stats.value = await this.api.stats();
+    } catch {
+      // The bar stays as it was; the statistics dialogue tells its own errors.
+    }
+  }
+
+  async open(id: string): Promise<void> {
+    performance.mark("cadpose-open");
+    this.currentId.value = id;
+    this.trouble.value = "";
+    this.opening.value = true;
+    this.drawing.value = "";
+    this.snapping?.abort();
+    try {
+      const old = this.details.age(id) > FRESH_MS;
+      const detail = await this.details.get(id);
+      if (this.currentId.peek() !== id) return;
+      this.show(detail, this.desk.open(detail));
+      if (old) void this.lookAgain(detail);
+    } catch (error) {
+      if (this.currentId.peek() !== id) return;
+      batch(() => {
+        this.trouble.value = sentence(error);
+        this.detail.value = null;
+        this.draft.value = null;
+        this.base.value = null;
+      });
+    } finally {
+      if (this.currentId.peek() === id) this.opening.value = false;
+    }
+    void this.details.ahead(this.queue.around(id));
+  }
+
+  /** What was fetched a while ago may have been decided on since. */
+  private async lookAgain(seen: Detail): Promise<void> {
+    try {
+      const detail = await this.details.fresh(seen.id);
+      const waiting = this.currentId.peek() === seen.id && !this.desk.isDirty(seen.id) && this.busy.peek() === "";
+      if (detail.version !== seen.version && waiting) this.show(detail, this.desk.begin(detail));
+    } catch {
+      // Then the decision will tell.
+    }
+  }
+
+  show(detail: Detail, work: Work): void {
+    batch(() => {
+      this.detail.value = detail;
+      this.base.value = work.base;
+      this.before.value = reference(detail);
+      this.iou.value = null;
+      this.sync(work);
+    });
+  }
+
+  move(by: 1 | -1): void {
+    const next = this.queue.neighbour(this.currentId.peek(), by);
+    if (next) void this.open(next.id);
+    else this.say(by > 0 ? "That was the last one of the queue." : "That is the first one of the queue.");
+  }
+
+  async moveOn(): Promise<void> {
+    const next = await this.queue.nextOpen(this.currentId.peek());
+    if (next) await this.open(next.id);
+    else this.say("That was the last one of the queue.");
+  }
+
+  // -- the draft -------------------------------------------------------------------------------
+
+  /** A pose on its way: seen, but no step of the undo history yet. */
+  preview(pose: Pose): void {
+    const draft = this.draft.peek();
+    if (draft) this.draft.value = { ...draft, pose };
+  }
+
+  setPose(pose: Pose, tag = ""): void {
+    this.commit((draft) => ({ ...draft, pose }), tag);
+  }
+
+  setCad(cad: Cad): void {
+    this.commit((draft) => ({ ...draft, cad }));
+  }
+
+  setRegion(region: Region, tag = ""): void {
+    this.commit((draft) => ({ ...draft, region }), tag);
+  }
+
+  commit(change: (draft: Draft) => Draft, tag = ""): void {
+    const work = this.work;
+    const draft = this.draft.peek();
+    if (!work || !draft) return;
+    work.undo.push(change(draft), tag);
+    this.sync(work);
+  }
+
+  undo(): void {
+    const work = this.work;
+    if (work?.undo.undo()) this.sync(work);
+    else this.say("Nothing to undo.");
+  }
+
+  redo(): void {
+    const work = this.work;
+    if (work?.undo.redo()) this.sync(work);
+    else this.say("Nothing to redo.");
+  }
+
+  /** Back to what is stored; undo brings the changes back. */
+  reset(): void {
+    const work = this.work;
+    if (!work || !this.changed.peek()) return;
+    work.undo.push(work.base);
+    this.sync(work);
+    this.say("Back to what is stored. Undo brings your changes back.");
+  }
+
+  sync(work: Work): void {
+    batch(() => {
+      this.draft.value = work.undo.present;
+      this.canUndo.value = work.undo.canUndo;
+      this.canRedo.value = work.undo.canRedo;
+      this.deskTick.value++;
+    });
+  }
+
+  isDirty(id: string): boolean {
+    return this.deskTick.value >= 0 && this.desk.isDirty(id);
+  }
+
+  // -- talk ------------------------------------------------------------------------------------
+
+  say(text: string, tone: Tone = "info", actions: Notice["actions"] = []): void {
+    this.notice.value = { text, tone, actions };
+  }
+
+  setAuthor(name: string): void {
+    this.author.value = name.trim();
+    this.settings.author = name;
+  }
+
+  /** The item as the queue now knows it. */
+  took(item: Item): void {
+    this.queue.update(item);
+    void this.refreshStats();
+  }
+}
+
+/** The pose that the refinement began from, else the machine's, if it differs from what holds. */
+export function reference(detail: Detail): Pose | null {
+  if (!samePose(detail.machine.pose, detail.pose)) return detail.machine.pose;
+  return detail.start && !samePose(detail.start, detail.pose) ? detail.start : null;
+}
