@@ -46,6 +46,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(sys, "path", [p for p in sys.path if not (Path(p) / "mmdet").is_dir()])
     monkeypatch.delitem(sys.modules, "mmdet", raising=False)
     assert real("mmdet") is None
+    # Whether the extra is installed here is another test's matter.
+    monkeypatch.setattr(packages, "NEEDED", ())
     return tmp_path / "data" / "detectors"
 
 
@@ -116,6 +118,15 @@ def test_what_is_missing_is_told_with_its_mend(folder: Path, monkeypatch: pytest
     with pytest.raises(
         DependencyError, match=r"PyTorch: install it with `pip install 'cadpose\[detectors\]'`"
     ):
+        packages.require()
+
+
+def test_what_the_extra_brings_is_asked_for(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("torch")
+    use(monkeypatch, Pip())
+    packages.setup_detectors()
+    monkeypatch.setattr(packages, "NEEDED", ("numpy", "no_such_module"))
+    with pytest.raises(DependencyError, match=r"need no_such_module: install them with `pip install 'cad"):
         packages.require()
 
 

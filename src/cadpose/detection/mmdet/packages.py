@@ -31,6 +31,12 @@ WHEELS = {
     "mmengine==0.10.7": "262ac976a925562f78cd5fd14dd1bc9b680ed0aa81f0d85b723ef782f99c54ee",
 }
 
+#: What they import besides PyTorch; the extra brings it.
+NEEDED = (
+    *("addict", "matplotlib", "pycocotools", "scipy", "shapely"),
+    *("six", "termcolor", "terminaltables", "tqdm", "yaml", "yapf"),
+)
+
 _READY = "cadpose-ready"
 _EXTRA = "`pip install 'cadpose[detectors]'`"
 _TRIAL = "from cadpose.detection.mmdet.packages import load; load()"
@@ -121,6 +127,9 @@ def require(device: str = "cpu") -> None:
             f"DetectoRS is not set up in {folder}: run `cadpose detectors setup`, or set "
             f"{ENVIRONMENT_VARIABLE} to the folder where it was"
         )
+    lacking = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    if lacking:
+        raise DependencyError(f"DetectoRS's packages need {', '.join(lacking)}: install them with {_EXTRA}")
     sys.path.append(str(folder))
     importlib.invalidate_caches()
 
