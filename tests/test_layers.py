@@ -18,7 +18,7 @@ PACKAGE = REPOSITORY / "src" / "cadpose"
 # From the top down; a module imports from its own tier and from those below.
 TIERS: tuple[tuple[str, ...], ...] = (
     ("cli",),
-    ("batch", "evaluation", "training", "doctor"),
+    ("batch", "evaluation", "training", "doctor", "review"),
     ("pipeline", "backends"),
     ("annotations",),
     ("datasets",),

@@ -24,6 +24,7 @@ from cadpose.cli import (
     export,
     import_,
     library,
+    review,
     synth,
     train,
 )
@@ -75,6 +76,7 @@ app.command("doctor")(doctor.doctor)
 app.command("export")(export.export)
 app.command("import")(import_.import_)
 app.command("bench")(bench.bench)
+app.command("review")(review.review)
 app.command("synth")(synth.synth)
 app.add_typer(train.app, name="train")
 app.add_typer(blender.app, name="blender")

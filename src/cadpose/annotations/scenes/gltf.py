@@ -7,7 +7,6 @@ import math
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,17 +15,12 @@ from cadpose.annotations.files import write_atomic
 from cadpose.annotations.scenes.contents import Meshes, SceneContents, gather
 from cadpose.annotations.scenes.extras import GENERATOR, KEY, credits, model_extras, photo_title, unit_told
 from cadpose.annotations.scenes.glb import GlbBuilder, read_header
+from cadpose.annotations.scenes.gltf_meshes import SAMPLERS, MeshWriter
 from cadpose.annotations.scenes.layout import PlacedModel, Placement, turns_and_scales
-from cadpose.annotations.scenes.pieces import Piece
-from cadpose.annotations.scenes.shades import lamps, linear_from_srgb
+from cadpose.annotations.scenes.shades import lamps
 from cadpose.annotations.scenes.turns import quaternion
 from cadpose.errors import InputError
-from cadpose.library.textures import encode_texture
 from cadpose.records import Photo
-from cadpose.rendering.scene import MaterialKind
-
-_ALPHA_MODE = {MaterialKind.OPAQUE: "OPAQUE", MaterialKind.CUTOUT: "MASK", MaterialKind.GLASS: "BLEND"}
-_REPEAT, _CLAMP, _LINEAR, _MIPMAPS = 10497, 33071, 9729, 9987
 
 
 def write_gltf_scene(
@@ -76,7 +70,6 @@ def read_gltf_scene(path: str | os.PathLike[str]) -> AnnotationDocument:
 @dataclass
 class _Writer:
     contents: SceneContents
-    _textures: dict[int, int] = field(default_factory=dict)
     _meshes: dict[str, int] = field(default_factory=dict)
 
     def to_bytes(self) -> bytes:
@@ -86,12 +79,10 @@ class _Writer:
                 "asset": {"version": "2.0", "generator": GENERATOR, "copyright": credits(document)},
                 "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit"],
                 "scene": 0,
-                "samplers": [
-                    {"magFilter": _LINEAR, "minFilter": _MIPMAPS, "wrapS": wrap, "wrapT": wrap}
-                    for wrap in (_REPEAT, _CLAMP)
-                ],
+                "samplers": list(SAMPLERS),
             }
         )
+        self.writer = MeshWriter(self.glb)
         nodes = [self._camera(), self._backdrop(), *self._lights(), *map(self._model, layout.models)]
         extras = {
             KEY: document.model_dump(mode="json", by_alias=True),
@@ -174,47 +165,5 @@ class _Writer:
 
     def _mesh(self, cad_id: str) -> int:
         if cad_id not in self._meshes:
-            primitives = [self._primitive(piece) for piece in self.contents.pieces[cad_id]]
-            self._meshes[cad_id] = self.glb.add("meshes", {"name": cad_id, "primitives": primitives})
+            self._meshes[cad_id] = self.writer.mesh(cad_id, self.contents.pieces[cad_id])
         return self._meshes[cad_id]
-
-    def _primitive(self, piece: Piece) -> dict[str, Any]:
-        attributes = {
-            "POSITION": self.glb.vectors(piece.vertices, bounds=True),
-            "NORMAL": self.glb.vectors(piece.normals),
-        }
-        if piece.uv is not None:
-            # glTF counts v from the top.
-            attributes["TEXCOORD_0"] = self.glb.vectors(piece.uv * (1, -1) + (0, 1))
-        return {
-            "attributes": attributes,
-            "indices": self.glb.indices(piece.faces),
-            "material": self._material(piece),
-        }
-
-    def _material(self, piece: Piece) -> int:
-        red, green, blue = linear_from_srgb(piece.material.rgba[:3])
-        surface: dict[str, Any] = {
-            "baseColorFactor": [red, green, blue, piece.material.rgba[3]],
-            "metallicFactor": 0.0,
-            "roughnessFactor": 0.8,
-        }
-        if piece.material.texture is not None:
-            surface["baseColorTexture"] = {"index": self._texture(piece)}
-        told: dict[str, Any] = {
-            "name": piece.material.name,
-            "pbrMetallicRoughness": surface,
-            "doubleSided": True,
-            "alphaMode": _ALPHA_MODE[piece.kind],
-        }
-        return self.glb.add("materials", told)
-
-    def _texture(self, piece: Piece) -> int:
-        texture = piece.material.texture
-        assert texture is not None
-        if id(texture) not in self._textures:
-            data = encode_texture(texture)
-            kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
-            image = self.glb.add("images", {"mimeType": kind, "bufferView": self.glb.blob(data)})
-            self._textures[id(texture)] = self.glb.add("textures", {"source": image, "sampler": 0})
-        return self._textures[id(texture)]
