@@ -13,10 +13,11 @@ from cadpose.alignment.refinement.refine import Refiner
 from cadpose.datasets.label import Label, RunLengths
 from cadpose.encoder import lite0
 from cadpose.evaluation.alignment import CEILING, AlignmentOutcome, Ways, evaluate_alignment
-from cadpose.evaluation.alignment_report import PAGE, report_files, write_alignment_report
+from cadpose.evaluation.alignment_report import write_alignment_report
 from cadpose.evaluation.alignment_tables import alignment_tables
 from cadpose.evaluation.alignment_truth import TrueModel, true_pixels
 from cadpose.evaluation.detection_run import runs_of
+from cadpose.evaluation.outline_report import PAGE, report_files
 from cadpose.library.catalogue import Library
 from cadpose.pipeline import Annotator
 from cadpose.poses import Rotation

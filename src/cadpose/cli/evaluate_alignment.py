@@ -90,8 +90,9 @@ def alignment(
     from cadpose.datasets.gallery import read_gallery
     from cadpose.errors import InputError
     from cadpose.evaluation.alignment import Ways, evaluate_alignment
-    from cadpose.evaluation.alignment_report import report_files, write_alignment_report
+    from cadpose.evaluation.alignment_report import write_alignment_report
     from cadpose.evaluation.alignment_tables import alignment_tables
+    from cadpose.evaluation.outline_report import report_files
     from cadpose.evaluation.retrieval_inputs import choose_labels, gallery_candidates, is_synthetic
     from cadpose.library.storage import write_atomic
 

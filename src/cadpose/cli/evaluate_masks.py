@@ -55,9 +55,10 @@ def masks(
     from cadpose.backends import make_masks
     from cadpose.datasets.scene_sets import open_scenes
     from cadpose.errors import InputError
-    from cadpose.evaluation.mask_report import report_files, write_mask_report
+    from cadpose.evaluation.mask_report import write_mask_report
     from cadpose.evaluation.mask_tables import mask_tables
     from cadpose.evaluation.masks import evaluate_masks
+    from cadpose.evaluation.outline_report import report_files
     from cadpose.evaluation.perturbations import Perturbation
     from cadpose.evaluation.scene_choice import evenly_spread
     from cadpose.library.storage import write_atomic
