@@ -8,3 +8,9 @@ export interface Pose {
   principal_px: [number, number];
   t_z: number;
 }
+
+export type Display = "blend" | "outline" | "wireframe" | "mask" | "difference" | "photo";
+export const DISPLAYS: readonly Display[] = ["blend", "outline", "wireframe", "mask", "difference", "photo"];
+
+/** x0, y0, x1, y1 in continuous pixels of the photo. */
+export type Box = [number, number, number, number];
