@@ -25,3 +25,11 @@ def served(tmp_path: Path, small_library: Library, made: Made) -> Iterator[Serve
     found = serve(tmp_path, small_library, made)
     yield found
     found.close()
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory, small_library: Library, made: Made) -> Iterator[Served]:
+    """One for tests that write nothing."""
+    found = serve(tmp_path_factory.mktemp("shared"), small_library, made)
+    yield found
+    found.close()

@@ -14,8 +14,8 @@ from tests.annotations.formats.made import Made
 from tests.review.serving import Served
 
 
-def test_the_session(served: Served, made: Made) -> None:
-    told = SessionAnswer.model_validate(served.get("/api/session"))
+def test_the_session(shared: Served, made: Made) -> None:
+    told = SessionAnswer.model_validate(shared.get("/api/session"))
     assert told.author == "Ada" and told.store.endswith("review.db")
     assert told.library is not None and told.library.models == 5
     assert told.library.categories == {"car": 3, "chair": 2}
@@ -25,13 +25,13 @@ def test_the_session(served: Served, made: Made) -> None:
     assert "duplicate" in told.reasons
 
 
-def test_the_queue_by_pages(served: Served) -> None:
-    whole = QueueAnswer.model_validate(served.get("/api/queue"))
+def test_the_queue_by_pages(shared: Served) -> None:
+    whole = QueueAnswer.model_validate(shared.get("/api/queue"))
     assert whole.total == 4 and len(whole.items) == 4 and whole.after is None
     # No confidence first.
     assert whole.items[0].confidence is None
-    first = QueueAnswer.model_validate(served.get("/api/queue?limit=3"))
-    rest = QueueAnswer.model_validate(served.get(f"/api/queue?limit=3&after={first.after}"))
+    first = QueueAnswer.model_validate(shared.get("/api/queue?limit=3"))
+    rest = QueueAnswer.model_validate(shared.get(f"/api/queue?limit=3&after={first.after}"))
     assert [*first.items, *rest.items] == list(whole.items) and rest.after is None
 
 
@@ -49,8 +49,8 @@ def test_the_queue_by_pages(served: Served) -> None:
         ("cad_id=made/car/van.glb", 1),
     ],
 )
-def test_what_the_queue_takes(served: Served, query: str, count: int) -> None:
-    assert served.get(f"/api/queue?{query}")["total"] == count
+def test_what_the_queue_takes(shared: Served, query: str, count: int) -> None:
+    assert shared.get(f"/api/queue?{query}")["total"] == count
 
 
 @pytest.mark.parametrize(
@@ -60,16 +60,16 @@ def test_what_the_queue_takes(served: Served, query: str, count: int) -> None:
         "decided_by=god", "after=x", "text=" + "x" * 501,
     ],
 )  # fmt: skip
-def test_queries_that_cannot_be_used(served: Served, query: str) -> None:
-    told = served.get(f"/api/queue?{query}", 422)
+def test_queries_that_cannot_be_used(shared: Served, query: str) -> None:
+    told = shared.get(f"/api/queue?{query}", 422)
     assert told["kind"] == "bad_input" and told["error"]
 
 
-def test_an_annotation(served: Served, made: Made) -> None:
+def test_an_annotation(shared: Served, made: Made) -> None:
     document = made.documents[0]
-    for key in served.ids():
-        told = AnnotationAnswer.model_validate(served.get(f"/api/annotations/{key}"))
-        stored = served.desk.stored(key).annotation
+    for key in shared.ids():
+        told = AnnotationAnswer.model_validate(shared.get(f"/api/annotations/{key}"))
+        stored = shared.desk.stored(key).annotation
         assert told.id == key and told.version == 1 and told.in_force
         assert told.pose.pose(stored.photo_size) == stored.pose
         assert told.machine.pose == told.pose and told.machine.cad == told.cad
@@ -88,28 +88,28 @@ def test_an_annotation(served: Served, made: Made) -> None:
             assert told.start is not None and told.start.pose(stored.photo_size) == stored.refinement.start
 
 
-def test_unknown_names_are_not_found(served: Served) -> None:
+def test_unknown_names_are_not_found(shared: Served) -> None:
     for name in ("0" * 64, "0" * 63, "..%2f..%2fetc%2fpasswd", "x", "A" * 64):
         for path in (f"/api/annotations/{name}", f"/api/photos/{name}/image", f"/api/cads/{name}/mesh.glb"):
-            assert served.get(path, 404)["kind"] == "not_found"
+            assert shared.get(path, 404)["kind"] == "not_found"
 
 
-def test_a_photo_is_encoded_anew(served: Served, made: Made) -> None:
+def test_a_photo_is_encoded_anew(shared: Served, made: Made) -> None:
     document = made.documents[0]
     path = f"/api/photos/{document.photo.sha256}/image"
-    answer = served.client.get(path)
+    answer = shared.client.get(path)
     assert answer.headers["content-type"] == "image/jpeg"
     assert "immutable" in answer.headers["cache-control"] and "private" in answer.headers["cache-control"]
     assert Image.open(io.BytesIO(answer.content)).size == document.photo.size
-    small = Image.open(io.BytesIO(served.client.get(f"{path}?side=60").content))
+    small = Image.open(io.BytesIO(shared.client.get(f"{path}?side=60").content))
     assert small.size == (60, 40)
     for side in ("0", "99999", "x"):
-        assert served.get(f"{path}?side={side}", 422)["kind"] == "bad_input"
+        assert shared.get(f"{path}?side={side}", 422)["kind"] == "bad_input"
 
 
-def test_a_thumbnail(served: Served) -> None:
-    for item in served.get("/api/queue")["items"]:
-        answer = served.client.get(item["thumb"])
+def test_a_thumbnail(shared: Served) -> None:
+    for item in shared.get("/api/queue")["items"]:
+        answer = shared.client.get(item["thumb"])
         assert answer.status_code == 200 and "immutable" in answer.headers["cache-control"]
         picture = np.asarray(Image.open(io.BytesIO(answer.content)))
         assert picture.shape == (96, 96, 3)

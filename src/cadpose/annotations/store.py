@@ -204,6 +204,11 @@ class Store:
         with self._database.reading() as connection:
             return reading.standing(connection, photo_sha256)
 
+    def items(self, photo_sha256: str) -> list[QueueItem]:
+        """The same as lists show them: quicker, since no document is read."""
+        with self._database.reading() as connection:
+            return reading.items(connection, photo_sha256)
+
     def former(self, photo_sha256: str) -> list[StoredAnnotation]:
         """Annotations of a photo that do not hold any more, because another run or person said otherwise."""
         with self._database.reading() as connection:

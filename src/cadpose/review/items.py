@@ -90,8 +90,7 @@ def told_annotation(desk: Desk, found: StoredAnnotation) -> AnnotationAnswer:
     item, now = found.item, found.annotation
     own = now if not item.edited else desk.stored(item.annotation_id, original=True).annotation
     sha256, name = photo_of(now)
-    siblings = desk.store.standing(sha256)
-    ids = [other.item.annotation_id for other in siblings]
+    ids = [other.annotation_id for other in desk.store.items(sha256)]
     cad = desk.models.shape
     return AnnotationAnswer(
         id=item.annotation_id,

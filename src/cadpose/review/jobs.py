@@ -221,7 +221,7 @@ class Jobs:
         self._finish(job)
 
     def _finish(self, job: Job) -> None:
-        job.done(tuple(stored.item.annotation_id for stored in self._store.standing(job.sha256)))
+        job.done(tuple(item.annotation_id for item in self._store.items(job.sha256)))
 
     def _fail(self, job: Job, reason: str) -> None:
         stage = job.stage

@@ -12,7 +12,7 @@ from cadpose.annotations.annotation_part import AnnotationPart
 from cadpose.annotations.database import tables as t
 from cadpose.annotations.database.editing import edited
 from cadpose.annotations.database.engine import Database
-from cadpose.annotations.database.results import StoredAnnotation, StoredPhoto
+from cadpose.annotations.database.results import QueueItem, StoredAnnotation, StoredPhoto
 from cadpose.annotations.database.rows import cad_json
 from cadpose.annotations.database.selection import (
     Selection,
@@ -79,6 +79,13 @@ def standing(connection: sa.Connection, photo_sha256: str) -> list[StoredAnnotat
     """A photo's annotations that hold."""
     a = t.ANNOTATIONS.c
     return _stored(connection, [a.photo_sha256 == photo_sha256, in_force()], False)
+
+
+def items(connection: sa.Connection, photo_sha256: str) -> list[QueueItem]:
+    """A photo's annotations that hold, without what they say."""
+    a = t.ANNOTATIONS.c
+    query = joined(sa.select(*item_columns())).where(a.photo_sha256 == photo_sha256, in_force())
+    return [item_of(row) for row in connection.execute(query.order_by(a.position, a.id))]
 
 
 def former(connection: sa.Connection, photo_sha256: str) -> list[StoredAnnotation]:
