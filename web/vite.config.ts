@@ -6,7 +6,8 @@ export default defineConfig({
   base: "/static/",
   build: {
     outDir: "../src/cadpose/review/static",
-    emptyOutDir: true,
+    // The widget is built beside it.
+    emptyOutDir: false,
     target: "es2022",
     cssTarget: ["chrome123", "firefox120", "safari17.5"],
     modulePreload: { polyfill: false },

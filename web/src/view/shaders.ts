@@ -99,8 +99,8 @@ void main() {
   vec4 p = toClip * a;
   vec4 q = toClip * b;
   vec2 along = (q.xy / q.w - p.xy / p.w) * size;
-  float long = length(along);
-  vec2 across = long > 1e-6 ? vec2(-along.y, along.x) / long : vec2(0.0);
+  float reach = length(along);
+  vec2 across = reach > 1e-6 ? vec2(-along.y, along.x) / reach : vec2(0.0);
   vec4 at = position.x < 0.5 ? p : q;
   float wide = width + 1.0;
   at.xy += across * position.y * wide / size * at.w;
@@ -118,7 +118,7 @@ in float vWidth;
 out vec4 result;
 
 void main() {
-  float cover = clamp(0.5 * vWidth + 0.5 - 0.5 * abs(vSide) * 1.0, 0.0, 1.0);
+  float cover = clamp(0.5 * vWidth + 0.5 - 0.5 * abs(vSide), 0.0, 1.0);
   result = vec4(1.0, 1.0, 1.0, cover * strength);
 }
 `;

@@ -11,10 +11,12 @@ const SAMPLES = 2;
 /** Longest side in pixels that is drawn at once. */
 const TILE = 1024;
 /**
- * Graphics cards snap corners to a part of a sample, some to no less than 1/16. Where there is room, samples are
- * drawn as the middles of up to so many times finer ones.
+ * Graphics cards snap corners to a part of a sample, some to no less than 1/16. Where there is room, and where that
+ * part is coarse, samples are drawn as the middles of finer ones, this many times along each axis; odd numbers.
  */
 const FINEST = 9;
+const FINE = 5;
+const ENOUGH_BITS = 8;
 
 /** Four pixels of a row in one texel; rows from the top. */
 const REDUCE = /* glsl */ `
@@ -62,12 +64,20 @@ export class Silhouettes {
   });
   private readonly reduce = new Pass(REDUCE, { samples: this.samples.texture, rows: TILE, finer: 1 });
 
-  constructor(private readonly renderer: THREE.WebGLRenderer) {}
+  /** How fine the samples of a whole silhouette are at least. */
+  private readonly least: number;
+
+  constructor(private readonly renderer: THREE.WebGLRenderer) {
+    const gl = renderer.getContext();
+    this.samples.scissorTest = true;
+    this.least = gl.getParameter(gl.SUBPIXEL_BITS) >= ENOUGH_BITS ? 1 : FINE;
+  }
 
   /** 0 or 1 for each pixel of the photo, row by row. */
   whole(model: Model, pose: Pose, width: number, height: number): Uint8Array {
     const out = new Uint8Array(width * height);
-    this.each(model, pose, this.grid(model, pose, width, height, Infinity), (data, stride, tile) => {
+    const grid = this.grid(model, pose, width, height, Infinity);
+    this.each(model, pose, grid, this.least, (data, stride, tile) => {
       for (let row = 0; row < tile.height; row++) {
         out.set(data.subarray(row * stride, row * stride + tile.width), (tile.y + row) * width + tile.x);
       }
@@ -83,7 +93,7 @@ export class Silhouettes {
     const half = grid.step >> 1;
     let both = 0;
     let drawn = 0;
-    this.each(model, pose, grid, (data, stride, tile) => {
+    this.each(model, pose, grid, 1, (data, stride, tile) => {
       for (let row = 0; row < tile.height; row++) {
         const start = Math.min((tile.y + row) * grid.step + half, height - 1) * width;
         for (let column = 0; column < tile.width; column++) {
@@ -113,20 +123,22 @@ export class Silhouettes {
     return { x, y, width: Math.ceil(x1 / step) - x, height: Math.ceil(y1 / step) - y, step };
   }
 
-  /** Draw the grid tile by tile; rows of a tile lie `stride` apart. */
+  /** Draw the grid tile by tile, samples at least that fine; rows of a tile lie `stride` apart. */
   private each(
-    model: Model, pose: Pose, grid: Grid, use: (data: Uint8Array, stride: number, tile: Grid) => void,
+    model: Model, pose: Pose, grid: Grid, least: number, use: (data: Uint8Array, stride: number, tile: Grid) => void,
   ): void {
     const { renderer } = this;
-    for (let y = 0; y < grid.height; y += TILE) {
-      for (let x = 0; x < grid.width; x += TILE) {
-        const width = Math.min(TILE, grid.width - x);
-        const height = Math.min(TILE, grid.height - y);
+    const side = 4 * Math.floor(TILE / least / 4);
+    for (let y = 0; y < grid.height; y += side) {
+      for (let x = 0; x < grid.width; x += side) {
+        const width = Math.min(side, grid.width - x);
+        const height = Math.min(side, grid.height - y);
         const tile = { x: grid.x + x, y: grid.y + y, width, height, step: grid.step };
         const stride = 4 * Math.ceil(width / 4);
         const room = Math.floor(TILE / Math.max(stride, height));
         const finer = Math.min(FINEST, room - 1 + (room % 2));
         this.samples.viewport.set(0, 0, SAMPLES * finer * stride, SAMPLES * finer * height);
+        this.samples.scissor.copy(this.samples.viewport);
         renderer.setRenderTarget(this.samples);
         renderer.setClearColor(0, 0);
         renderer.clear();
