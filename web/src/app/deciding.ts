@@ -56,7 +56,7 @@ export async function send(review: Review, id: string, request: DecisionRequest)
     }
     review.details.forget(id);
     review.took(item);
-    review.say(`${DONE[request.verdict]}: ${item.category} in ${item.photo.name}.`, "good", [
+    review.say(`${DONE[request.verdict]}: ${item.category} in ${item.photo.name.split("/").at(-1)}.`, "good", [
       { label: "Go back to it", run: () => void review.open(id) },
     ]);
     review.deskTick.value++;

@@ -10,8 +10,8 @@ export const MODES: readonly { value: DisplayMode; label: string; what: string }
   { value: "blend", label: "Blend", what: "The model over the photo" },
   { value: "outline", label: "Outline", what: "The edge of the model's silhouette" },
   { value: "wireframe", label: "Wire", what: "The model's edges" },
-  { value: "mask", label: "Mask", what: "The mask of the object" },
-  { value: "difference", label: "Difference", what: "Where silhouette and mask do not agree" },
+  { value: "mask", label: "Mask", what: "Silhouette and mask: white where both are, orange the model alone, blue the mask alone" },
+  { value: "difference", label: "Difference", what: "How the colours of model and photo differ" },
   { value: "photo", label: "Photo", what: "The photo alone" },
 ];
 

@@ -29,6 +29,15 @@ export interface Conflict {
   readonly theirs: Detail | null;
 }
 
+/** A decision that is not stored yet. */
+export const MEANT: Record<Decision, string> = {
+  accept: "Accept",
+  edit: "Accept with changes",
+  reject: "Reject",
+  review: "Another look",
+  skip: "Skip",
+};
+
 /** A decision said in the past tense. */
 export const DONE: Record<Decision, string> = {
   accept: "Accepted",

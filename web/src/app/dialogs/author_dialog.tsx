@@ -30,7 +30,10 @@ export function AuthorDialog({ then, onClose }: { then: (() => void) | null; onC
             value={name}
             onInput={(event) => setName(event.currentTarget.value)}
             onKeyDown={(event) => {
-              if (event.key === "Enter") keep();
+              if (event.key !== "Enter") return;
+              // The focus goes back to a button, which is not meant by this key.
+              event.preventDefault();
+              keep();
             }}
           />
         </label>

@@ -2,7 +2,7 @@
 
 import { useApp } from "../app_state";
 import { applyMine, loadTheirs } from "../deciding";
-import { type Conflict, DONE } from "../notices";
+import { type Conflict, MEANT } from "../notices";
 import { describe, draftOf } from "../state/draft";
 import { verdictLabel } from "../state/filters";
 import { Dialog } from "../ui/dialog";
@@ -35,7 +35,7 @@ export function ConflictDialog({ conflict, onClose }: { conflict: Conflict; onCl
           <div>
             <dt>You</dt>
             <dd>
-              {DONE[request.verdict]}
+              {MEANT[request.verdict]}
               {mine.length > 0 && `: ${mine.join(", ")}`}
               {request.reason && ` (${request.reason})`}
             </dd>

@@ -1,6 +1,6 @@
 /** All keys, by what they are for, and what the mouse does. */
 
-import { BINDINGS, bindingText, type Group } from "../keys/bindings";
+import { BINDINGS, bindingText, chordText, type Group } from "../keys/bindings";
 import { Dialog } from "../ui/dialog";
 
 const MOUSE: readonly [string, string][] = [
@@ -43,7 +43,9 @@ function KeyGroup({ group }: { group: Group }) {
         {BINDINGS.filter((each) => each.group === group).map((binding) => (
           <div key={bindingText(binding)}>
             <dt>
-              <kbd>{bindingText(binding)}</kbd>
+              {(binding.shown ? [binding.shown] : binding.chords.map(chordText)).map((text) => (
+                <kbd key={text}>{text}</kbd>
+              ))}
             </dt>
             <dd>{binding.what}</dd>
           </div>

@@ -63,13 +63,16 @@ export function LibraryPicker({ category: first, rotation, chosen, onChoose }: P
         <label>
           Name
           <input
-            type="search"
+            type="text"
             data-first
+            autocomplete="off"
             value={text}
             onInput={(event) => setText(event.currentTarget.value)}
             onKeyDown={(event) => {
               const best = items.find((each) => each.available);
-              if (event.key === "Enter" && best) onChoose(best);
+              if (event.key !== "Enter" || !best) return;
+              event.preventDefault();
+              onChoose(best);
             }}
           />
         </label>

@@ -53,7 +53,7 @@ function Tables({ stats }: { stats: Stats }) {
         <Table head={["Stands as", "Objects"]}>
           {Object.entries(stats.by_verdict).map(([verdict, count]) => (
             <tr key={verdict}>
-              <th scope="row">{verdictLabel(verdict)}</th>
+              <th scope="row">{verdict === "reject" ? "Rejected or doubtful" : verdictLabel(verdict)}</th>
               <td>{count.toLocaleString("en")}</td>
             </tr>
           ))}
@@ -88,7 +88,7 @@ function Tables({ stats }: { stats: Stats }) {
         <p>
           {people.pairs === 0
             ? "No object has the word of two people yet."
-            : `Of ${people.pairs} pairs of two people's words ${share(people.same_verdict)} say the same` +
+            : `Two people's words on one object: ${people.pairs}, of which ${share(people.same_verdict)} say the same` +
               (people.median_rotation_deg === null
                 ? "."
                 : `; their rotations differ by ${people.median_rotation_deg.toFixed(1)}° in the median.`)}

@@ -26,9 +26,9 @@ export function DisplayBar() {
         ))}
       </div>
       <label class="opacity" title={`Opacity (${keyOf("opacity-")} ${keyOf("opacity+")})`}>
-        <span>Opacity</span>
         <input
           type="range"
+          aria-label="Opacity"
           min={0}
           max={1}
           step={0.05}

@@ -80,7 +80,7 @@ function Siblings({ detail }: { detail: Detail }) {
 
 function Happened({ happening }: { happening: Happening }) {
   const { author, kind, at, verdict, reason, note, changed } = happening;
-  const label = kind === "program" && verdict === "reject" ? "Doubtful" : verdictLabel(verdict);
+  const label = verdictLabel(verdict, kind === "human");
   return (
     <li>
       <b>{label}</b> by {author}
@@ -100,5 +100,5 @@ function percent(share: number | null): string {
 function standing(detail: Detail): string {
   if (!detail.in_force) return "history: another answer holds";
   const by = detail.decided_by === "human" ? ", by a person" : detail.decided_by === "program" ? ", by the program" : "";
-  return `${verdictLabel(detail.verdict)}${by}`;
+  return `${verdictLabel(detail.verdict, detail.decided_by === "human")}${by}`;
 }

@@ -58,7 +58,7 @@ function Fit() {
         {now === null ? "–" : now.toFixed(2)}
       </output>
       <meter min={0} max={1} value={now ?? 0} aria-label="IoU with the mask" />
-      {stored !== null && <span class="fit-stored">stored {stored.toFixed(2)}</span>}
+      {stored !== null && review.changed.value && <small>was {stored.toFixed(2)}</small>}
     </div>
   );
 }

@@ -30,7 +30,7 @@ export function QueueRow({ item, dirty }: { item: Item | undefined; dirty: boole
           </span>
         </span>
         <span class="row-name" title={`${item.photo.name}: ${item.cad.name}`}>
-          {item.photo.name}
+          {item.photo.name.split("/").at(-1)}
         </span>
         <VerdictBadge item={item} />
       </span>
@@ -41,8 +41,7 @@ export function QueueRow({ item, dirty }: { item: Item | undefined; dirty: boole
 export function VerdictBadge({ item }: { item: Pick<Item, "verdict" | "decided_by"> }) {
   const verdict = item.verdict ?? "undecided";
   const human = item.decided_by === "human";
-  // The program's "reject" is advice: nobody has rejected anything yet.
-  const label = !human && verdict === "reject" ? "Doubtful" : verdictLabel(item.verdict);
+  const label = verdictLabel(item.verdict, human);
   return (
     <span class={`badge ${human ? verdict : `by-program ${verdict}`}`}>
       {human && <Icon name="person" />}

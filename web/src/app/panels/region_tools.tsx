@@ -38,6 +38,7 @@ export function RegionTools({ host }: { host: ViewHost }) {
       },
     });
     editor.current = made;
+    setSize(made.brushSize);
     const end = effect(() => {
       // What undo and redo bring back goes into the editor; what it said itself is in there.
       const region = review.draft.value?.region ?? null;

@@ -156,19 +156,14 @@ function Tile({ url, name, digit = "", note, chosen, disabled = false, onChoose 
       type="button"
       class="tile"
       aria-pressed={chosen}
-      aria-label={note ? `${name}, ${note}` : name}
       title={title}
       disabled={disabled}
       onClick={onChoose}
     >
       <Thumb url={url} size={64} instead={name} />
       {digit && <kbd aria-hidden="true">{digit}</kbd>}
-      <span class="tile-name" aria-hidden="true">
-        {name}
-      </span>
-      <span class="tile-note" aria-hidden="true">
-        {note}
-      </span>
+      <span class="tile-name">{name}</span>
+      <span class="tile-note">{note}</span>
     </button>
   );
 }

@@ -22,5 +22,5 @@ test("verdicts go in and out", () => {
 });
 
 test("every verdict has a name", () => {
-  expect([null, "edit", "skip", "odd"].map(verdictLabel)).toEqual(["Undecided", "Corrected", "Skipped", "odd"]);
+  expect([null, "edit", "skip", "odd"].map((each) => verdictLabel(each))).toEqual(["Undecided", "Corrected", "Skipped", "odd"]);
 });

@@ -24,7 +24,9 @@ export const VERDICTS: readonly { value: string; label: string }[] = [
   { value: "reject", label: "Rejected" },
 ];
 
-export function verdictLabel(verdict: string | null): string {
+export function verdictLabel(verdict: string | null, human = true): string {
+  // The program's "reject" is advice: nobody has rejected anything yet.
+  if (verdict === "reject" && !human) return "Doubtful";
   if (verdict === "skip") return "Skipped";
   return VERDICTS.find((each) => each.value === (verdict ?? "undecided"))?.label ?? String(verdict);
 }

@@ -14,7 +14,7 @@ export function Thumb({ url, size, instead = "", lazy = false }: Props) {
   const [missing, setMissing] = useState("");
   if (!url || missing === url) {
     return (
-      <span class="thumb none" style={{ width: size, height: size }} aria-hidden="true">
+      <span class="thumb none" style={{ width: `${size}px`, height: `${size}px` }} aria-hidden="true">
         {instead.slice(0, 3)}
       </span>
     );

@@ -74,7 +74,7 @@ export function VirtualList({ label, total, row, selected, onReach, onChoose, ch
         aria-selected={place === selected}
         aria-posinset={place + 1}
         aria-setsize={total}
-        style={{ transform: `translateY(${place * row}px)`, height: row }}
+        style={{ transform: `translateY(${place * row}px)`, height: `${row}px` }}
         onClick={() => onChoose(place)}
       >
         {children(place)}
@@ -93,7 +93,7 @@ export function VirtualList({ label, total, row, selected, onReach, onChoose, ch
       onScroll={(event) => setTop(event.currentTarget.scrollTop)}
       onKeyDown={onKeyDown}
     >
-      <div class="virtual-sheet" role="presentation" style={{ height: total * row }}>
+      <div class="virtual-sheet" role="presentation" style={{ height: `${total * row}px` }}>
         {rows}
       </div>
     </div>
