@@ -7,7 +7,7 @@ import pytest
 from cadpose.datasets.dataset import category_of, rotation_of
 from cadpose.datasets.labels import Label, write_labels
 from cadpose.datasets.registry import KINDS, open_dataset
-from cadpose.errors import DependencyError, InputError
+from cadpose.errors import InputError
 from cadpose.library.class_map import CATEGORIES
 from tests.datasets.trees import bop_tree, imagenet3d_tree, objectnet3d_tree, pascal3d_tree, pix3d_tree
 
@@ -49,13 +49,6 @@ def test_a_kind_that_is_not_there(tmp_path: Path) -> None:
     for kind in KINDS:
         with pytest.raises(InputError, match=str(tmp_path)):
             open_dataset(kind, tmp_path)
-
-
-def test_without_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    dataset = open_dataset("pascal3d", pascal3d_tree(tmp_path))
-    monkeypatch.setitem(__import__("sys").modules, "scipy.io", None)
-    with pytest.raises(DependencyError, match=r"pip install 'cadpose\[datasets\]'"):
-        list(dataset)
 
 
 def test_the_classes_of_pascal3d_are_library_categories() -> None:

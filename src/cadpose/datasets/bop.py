@@ -115,6 +115,8 @@ def _label(
     models: Path,
     infos: dict[str, Any],
 ) -> Label:
+    if not all(isinstance(part, dict) for part in (told, camera, visible)):
+        raise ValueError("it, its camera or what is told of its visible part is no JSON object")
     R_cv_from_s = _numbers(told, "cam_R_m2c", (3, 3)) @ R_b_from_s
     t_cv = _numbers(told, "cam_t_m2c", (3,))
     if t_cv[2] <= 0:
@@ -125,6 +127,8 @@ def _label(
     rotation = Rotation.from_matrix(turned)
     key = int(told["obj_id"])
     info = infos[str(key)]
+    if not isinstance(info, dict):
+        raise ValueError(f"models_info.json tells of model {key} what is no JSON object")
     name = f"obj_{key:06d}"
     fraction = float(visible.get("visib_fract", 1.0))
     mask = scene.folder / "mask_visib" / f"{image:06d}_{number:06d}.png"

@@ -150,6 +150,8 @@ class Archive:
                 f"{path} would unpack to {total // MIB} MiB, "
                 f"more than the {limits.archive_bytes // MIB} allowed."
             )
+        if not all(info.filename for info in infos):
+            raise InputError(f"{path} is damaged: one of its files has no name.")
         for info in infos:
             if info.file_size > MIB and info.file_size > limits.archive_ratio * max(info.compress_size, 1):
                 raise InputError(
