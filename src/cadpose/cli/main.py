@@ -24,6 +24,7 @@ from cadpose.cli import (
     export,
     import_,
     library,
+    replace,
     review,
     synth,
     train,
@@ -77,6 +78,7 @@ app.command("export")(export.export)
 app.command("import")(import_.import_)
 app.command("bench")(bench.bench)
 app.command("review")(review.review)
+app.command("replace")(replace.replace)
 app.command("synth")(synth.synth)
 app.add_typer(train.app, name="train")
 app.add_typer(blender.app, name="blender")

@@ -45,8 +45,14 @@ def write_gltf_scene(
         LibraryError: a model is not in the library, or its file is damaged.
         CadposeError: the file cannot be written.
     """
-    contents = gather(document, library, photo, placement, centred=True)
-    write_atomic(path, _Writer(contents).to_bytes())
+    write_atomic(path, gltf_scene(document, library, photo, placement=placement))
+
+
+def gltf_scene(
+    document: AnnotationDocument, library: Meshes, photo: Photo, *, placement: Placement = "overlay"
+) -> bytes:
+    """As `write_gltf_scene`, the file's bytes."""
+    return _Writer(gather(document, library, photo, placement, centred=True)).to_bytes()
 
 
 def read_gltf_scene(path: str | os.PathLike[str]) -> AnnotationDocument:
