@@ -10,6 +10,7 @@ export default defineConfig({
     reportCompressedSize: false,
     chunkSizeWarningLimit: 1000,
     lib: { entry: "src/widget.ts", formats: ["es"], fileName: () => "widget.js" },
-    minify: "oxc",
+    // A library's spaces would stay otherwise.
+    rolldownOptions: { output: { minify: true } },
   },
 });

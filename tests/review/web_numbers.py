@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.geometry.angles import angles_from_rotation, rotation_from_angles
+from cadpose.library.mesh import Material, Mesh
 from cadpose.poses import Pose4Dof, Rotation
+from cadpose.rendering.scene import build_scene
 
 FOLDER = Path(__file__).resolve().parents[2] / "web" / "src" / "view" / "fixtures"
 
@@ -90,7 +92,34 @@ def masks() -> list[dict[str, Any]]:
     return told
 
 
-FILES = {"angles.json": angles, "rle.json": masks}
+def square(texture: NDArray[np.uint8] | None, alpha: float) -> Mesh:
+    """Two faces in the x-y plane."""
+    half = 0.5 / np.sqrt(2.0)
+    vertices = np.array([(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], np.float32)
+    faces = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    normals = np.broadcast_to(np.array((0, 0, 1), np.float32), (2, 3, 3)).copy()
+    material = Material((0.8, 0.5, 0.2, alpha), texture, "square")
+    return Mesh(vertices, faces, normals, corners[faces], np.zeros(2, np.int32), (material,))
+
+
+def holes() -> list[dict[str, Any]]:
+    """Opacities of textures, and their reductions by the rasteriser."""
+    rng = np.random.default_rng(6)
+    told = []
+    for width, height in ((16, 8), (13, 9), (1, 5), (7, 2)):
+        data = rng.integers(0, 256, (height, width), np.uint8)
+        scene = build_scene(square(np.dstack([data] * 4), 1.0))
+        opacity = (scene.texels >> 24).tolist()
+        reduced = [
+            {"width": w, "height": h, "data": opacity[first : first + w * h]}
+            for first, w, h in scene.levels[1:].tolist()
+        ]
+        told.append({"width": width, "height": height, "data": data.ravel().tolist(), "reduced": reduced})
+    return told
+
+
+FILES = {"angles.json": angles, "holes.json": holes, "rle.json": masks}
 
 
 def main() -> None:

@@ -29,7 +29,7 @@ interface Json {
     alphaMode?: Kind;
     pbrMetallicRoughness: { baseColorFactor: number[]; baseColorTexture?: { index: number } };
   }[];
-  meshes: { primitives: { attributes: Record<string, number>; indices: number; material: number }[] }[];
+  meshes?: { primitives: { attributes: Record<string, number>; indices: number; material: number }[] }[];
 }
 
 const MAGIC = 0x46546c67;
@@ -60,7 +60,8 @@ export function parseGlb(buffer: ArrayBuffer): Glb {
     return new Type(buffer, bytes(bufferView)[0], count);
   };
 
-  const pieces = json.meshes[0].primitives.map((primitive): Piece => {
+  // Where all materials are invisible there is no mesh.
+  const pieces = (json.meshes?.[0].primitives ?? []).map((primitive): Piece => {
     const material = json.materials[primitive.material];
     const { baseColorFactor: factor, baseColorTexture: texture } = material.pbrMetallicRoughness;
     return {

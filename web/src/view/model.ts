@@ -4,6 +4,7 @@ import * as THREE from "three";
 import { type Bounds, depthRange, modelView, projection, type Window } from "./camera";
 import { edgesOf, type Edges } from "./edges";
 import { parseGlb, type Piece } from "./glb";
+import { holesOf } from "./holes";
 import { Lines } from "./lines";
 import type { Pose } from "./pose";
 import { MODEL_FRAGMENT, MODEL_VERTEX } from "./shaders";
@@ -27,6 +28,8 @@ export class Model {
     look: { value: 0 },
     fineness: { value: 1 },
   };
+  /** Opacities of textures with holes. */
+  private readonly holes = new Map<number, THREE.Texture>();
   private readonly materials: THREE.RawShaderMaterial[] = [];
   private readonly geometries: THREE.BufferGeometry[] = [];
   private edges: Edges | null = null;
@@ -85,9 +88,14 @@ export class Model {
 
   /** Frees what lies on the graphics card; drawing again brings it back. */
   dispose(): void {
-    for (const kept of [...this.materials, ...this.geometries, ...this.textures, ...this.lines.values()]) {
-      kept.dispose();
-    }
+    const { materials, geometries, textures, holes, lines } = this;
+    for (const kept of [...materials, ...geometries, ...textures, ...holes.values(), ...lines.values()]) kept.dispose();
+  }
+
+  private holesIn(image: number): THREE.Texture {
+    const known = this.holes.get(image) ?? holesOf(this.textures[image].image as ImageBitmap);
+    this.holes.set(image, known);
+    return known;
   }
 
   private add(piece: Piece, place: number, bias: number): void {
@@ -102,6 +110,7 @@ export class Model {
 
     const put = (settings: THREE.ShaderMaterialParameters, whole: boolean, step: number): void => {
       const textured = piece.image !== null && piece.uv !== null;
+      const holes = textured && piece.kind === "MASK" ? this.holesIn(piece.image as number) : null;
       const material = new THREE.RawShaderMaterial({
         glslVersion: THREE.GLSL3,
         vertexShader: MODEL_VERTEX,
@@ -114,13 +123,14 @@ export class Model {
         ...settings,
         defines: {
           ...(textured ? { TEXTURED: 1 } : {}),
-          ...(textured && piece.kind === "MASK" ? { CUTOUT: 1 } : {}),
+          ...(holes ? { CUTOUT: 1 } : {}),
         },
         uniforms: {
           ...this.shared,
           bias: { value: bias },
           colour: { value: new THREE.Vector4(...piece.colour) },
           whole: { value: whole ? 1 : 0 },
+          holes: { value: holes },
           map: { value: textured ? this.textures[piece.image as number] : null },
         },
       });
@@ -180,5 +190,5 @@ function boundsOf(pieces: readonly Piece[]): Bounds {
       bounds[3 + k] = Math.max(bounds[3 + k], positions[i]);
     }
   }
-  return bounds;
+  return pieces.length ? bounds : [0, 0, 0, 0, 0, 0];
 }

@@ -209,7 +209,9 @@ export class RegionEditor {
   }
 
   private doubleClick(event: MouseEvent): void {
-    const target = this.sketch.targetOf(event.target);
+    // The event itself goes to what captured the pointer.
+    const { ownerDocument } = this.container;
+    const target = this.sketch.targetOf(ownerDocument.elementFromPoint(event.clientX, event.clientY));
     if (this.draft) this.closeDraft();
     else if (target?.kind === "point" && this.tool === "polygon") {
       this.change(() => this.state.deletePoint(target.ring, target.index));

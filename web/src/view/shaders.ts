@@ -48,6 +48,9 @@ uniform float whole; // 1: covers what is behind it, whatever its opacity
 #ifdef TEXTURED
 uniform sampler2D map;
 #endif
+#ifdef CUTOUT
+uniform sampler2D holes;
+#endif
 uniform float fineness; // fragments of a sample along each axis
 in vec2 vGains;
 in vec2 vUv;
@@ -57,15 +60,15 @@ void main() {
   vec4 own = colour;
 #ifdef CUTOUT
   // As the rasteriser: the nearest texel of the first level that has at most two texels a sample.
-  vec2 size = vec2(textureSize(map, 0));
+  vec2 size = vec2(textureSize(holes, 0));
   vec2 dx = dFdx(vUv) * size;
   vec2 dy = dFdy(vUv) * size;
   float texels = max(abs(dx.x * dy.y - dx.y * dy.x) * fineness * fineness, 1e-12);
   int last = int(floor(log2(max(size.x, size.y)) + 1e-4));
   int level = clamp(int(ceil((log2(texels) - 1.0) / 2.0)), 0, last);
-  ivec2 shape = textureSize(map, level);
+  ivec2 shape = textureSize(holes, level);
   ivec2 at = min(ivec2(fract(vUv) * vec2(shape)), shape - 1);
-  if (texelFetch(map, at, level).a < 0.5) discard;
+  if (texelFetch(holes, at, level).r < 0.5) discard;
 #endif
 #ifdef TEXTURED
   own *= texture(map, vUv);
