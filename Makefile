@@ -3,9 +3,10 @@
 # make blender  the optional Blender renderer (GPL-3) in a virtualenv of its own; its tests run when it is there
 # make ray  Ray Data for `annotate --executor ray`; its tests run when it is there
 # make postgres  a PostgreSQL server of Debian's; the store's tests run on it too when it is there
-# make browser  Chromium, three.js and the glTF validator, for the test of exported scenes in a real viewer
+# make browser  Chromium, three.js, the glTF validator and axe, for the tests of exported scenes and of the review page
 # make detectors  what DetectoRS needs but for its weights (PyTorch among it); its tests run when it is there
 # make web  builds the review page from web/ into src/cadpose/review/static, where it is committed; needs node 20.19
+# make fuzz  200,000 damaged files of each family into their readers: hours, for a nightly run
 # The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
 
 PYTHON ?= python3
@@ -47,15 +48,15 @@ postgres:
 	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 \
 		|| { $(APT) update -q && $(APT) install -qy --no-install-recommends postgresql; }
 
-# npm unpacks here and runs nothing: two packages of plain scripts, by version.
+# npm unpacks here and runs nothing: three packages of plain scripts, by version.
 browser: $(VENV)/.test
 	@command -v chromium >/dev/null \
 		|| { $(APT) update -q && $(APT) install -qy --no-install-recommends chromium; }
 	@command -v npm >/dev/null || { $(APT) update -q && $(APT) install -qy --no-install-recommends nodejs npm; }
 	$(BIN)/python -m pip install -q -e '.[browser]'
 	rm -rf $(VENV)/browser && mkdir -p $(VENV)/browser
-	cd $(VENV)/browser && npm pack --silent three@0.187.0 gltf-validator@2.0.0-dev.3.10 \
-		&& for name in three gltf-validator; do \
+	cd $(VENV)/browser && npm pack --silent three@0.187.0 gltf-validator@2.0.0-dev.3.10 axe-core@4.14.1 \
+		&& for name in three gltf-validator axe-core; do \
 			mkdir $$name && tar -xzf $$name-[0-9]*.tgz -C $$name --strip-components 1 || exit 1; done
 
 web: web-packages
@@ -70,6 +71,9 @@ web/node_modules/.package-lock.json: web/package-lock.json
 
 ray: $(VENV)/.test
 	$(BIN)/python -m pip install -q -e '.[ray]'
+
+fuzz: $(VENV)/.test
+	$(BIN)/python -m tests.fuzzing --inputs 200000 --kept runs/fuzz
 
 detectors: $(VENV)/.test
 	$(BIN)/python -m pip install -q -e '.[detectors]'

@@ -27,7 +27,7 @@ _PAGE = Path(__file__).with_name("viewer.html")
 _ORIGIN = "http://scene.invalid"
 _TYPES = {".html": "text/html", ".js": "text/javascript", ".glb": "model/gltf-binary"}
 # WebGL on the CPU; Chromium's sandbox needs what containers lack.
-_FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 
 
 def missing() -> str:
@@ -88,7 +88,7 @@ def viewer() -> Iterator[Viewer]:
             route.fulfill(body=file.read_bytes(), content_type=_TYPES[file.suffix])
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium(), args=_FLAGS)
+        browser = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
         try:
             page = browser.new_page()
             page.on("pageerror", lambda error: faults.append(str(error)))

@@ -1,4 +1,4 @@
-"""The page in a real browser: a `cadpose review` process, headless Chromium, and words for what a person does."""
+"""The page in a real browser: a `cadpose review` process, headless Chromium, words for what a person does."""
 
 from __future__ import annotations
 
@@ -150,9 +150,19 @@ class Desk:
         """One of the pose's numbers, as its field shows it."""
         return float(self.page.input_value(f"[data-field={field_name}]"))
 
+    def becomes(self, field_name: str, value: float) -> None:
+        """Wait until a field shows a value; angles may go once around."""
+        self.page.wait_for_function(
+            """([name, value]) => {
+              const off = Math.abs(document.querySelector(`[data-field=${name}]`).valueAsNumber - value);
+              return Math.min(off, Math.abs(360 - off)) < 0.11;
+            }""",
+            arg=[field_name, value],
+        )
+
     def iou(self) -> float:
         """IoU of silhouette and mask, as the page shows it."""
-        self.page.wait_for_function("document.querySelector('output').dataset.iou !== ''")
+        self.page.wait_for_function("() => document.querySelector('output').dataset.iou !== ''")
         return float(self.page.get_attribute("output", "data-iou"))
 
     def notice(self, part: str) -> str:
@@ -168,7 +178,7 @@ class Desk:
         return found
 
     def no_dialog(self) -> None:
-        self.page.wait_for_function("!document.querySelector('dialog')")
+        self.page.wait_for_function("() => !document.querySelector('dialog')")
 
     def violations(self) -> list[str]:
         """What axe finds on the screen as it is, one line each."""
@@ -182,7 +192,9 @@ class Desk:
 
     def opening_times(self) -> list[float]:
         """Milliseconds from asking for each item until it was drawn."""
-        found = self.page.evaluate("performance.getEntriesByName('cadpose-open', 'measure').map(e => e.duration)")
+        found = self.page.evaluate(
+            "performance.getEntriesByName('cadpose-open', 'measure').map(e => e.duration)"
+        )
         return [float(each) for each in found]
 
     def close(self) -> None:

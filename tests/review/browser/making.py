@@ -35,7 +35,9 @@ def make_store(
     (folder / "photos").mkdir(parents=True)
     url = f"sqlite:///{folder / 'store.db'}"
     with Store(url) as store:
-        documents = (_photo(folder / "photos", library, ids, number, each, size, rng) for number in range(photos))
+        documents = (
+            _photo(folder / "photos", library, ids, number, each, size, rng) for number in range(photos)
+        )
         store.add_many(documents)
     return url
 
@@ -65,7 +67,9 @@ def _photo(
     photo = replace(read_photo(folder / name), name=name)
     shot = replace(shot, photo=photo)
     turns = [TURNED, *rng.uniform(-20, 20, each - 1)]
-    annotations = [_annotation(shot, library, ids, float(turn), place, number) for place, turn in enumerate(turns)]
+    annotations = [
+        _annotation(shot, library, ids, float(turn), place, number) for place, turn in enumerate(turns)
+    ]
     return document_from(photo, annotations)
 
 

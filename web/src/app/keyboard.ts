@@ -10,8 +10,12 @@ export function listen(app: App, target: Window): () => void {
     const where = event.target instanceof Element ? event.target : null;
     if (event.key === "Escape") return escape(app, where);
     if (isWriting(event.target) || isTaken(event, event.target)) return;
-    // The page as a whole counts as the photo: nothing else has the focus then.
-    const inView = where === null || where === document.body || where.closest(".view") !== null;
+    // The page as a whole counts as the photo, and arrows turn the model where a button has the focus, too.
+    const inView =
+      where === null ||
+      where === document.body ||
+      where.closest(".view") !== null ||
+      (event.key.startsWith("Arrow") && where instanceof HTMLButtonElement);
     const pressed = match(event, inView);
     if (!pressed) return;
     event.preventDefault();

@@ -1,6 +1,6 @@
 /** One number of the pose: a field to write in and a slider to drag. */
 
-import { useEffect, useId, useRef } from "preact/hooks";
+import { useId, useLayoutEffect, useRef } from "preact/hooks";
 
 import { useApp } from "../app_state";
 import { type Field, fromSlider, toSlider, valueOf, withValue } from "../state/steps";
@@ -14,7 +14,7 @@ export function PoseField({ field }: { field: Field }) {
   const value = pose ? valueOf(pose, field.name) : 0;
   const shown = value.toFixed(field.digits);
 
-  useEffect(() => {
+  useLayoutEffect(() => {
     // What somebody is writing is left alone.
     if (input.current && document.activeElement !== input.current) input.current.value = shown;
   }, [shown]);

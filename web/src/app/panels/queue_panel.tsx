@@ -67,6 +67,7 @@ export function QueuePanel() {
           if (!item) return;
           if (review.tab.peek() === "queue") review.tab.value = "adjust";
           void review.open(item.id);
+          review.focusView();
         }}
         onReady={(focus) => {
           app.focusQueue = focus;

@@ -16,7 +16,7 @@ export function QueueRow({ item, dirty }: { item: Item | undefined; dirty: boole
   }
   return (
     <span class="queue-row" data-annotation={item.id}>
-      <Thumb url={`${item.thumb}?version=${item.version}`} size={48} instead={item.category} />
+      <Thumb url={item.thumb} size={48} instead={item.category} />
       <span class="row-text">
         <span class="row-head">
           <b>{item.category}</b>
