@@ -14,7 +14,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 APT    := $(shell [ "$$(id -u)" = 0 ] || echo sudo) apt-get
 
-.PHONY: demo test test-fast lint models blender postgres browser ray detectors web web-packages clean
+.PHONY: demo test test-fast lint models blender postgres browser ray detectors web web-packages fuzz clean
 
 demo: $(VENV)/.demo models
 	$(BIN)/cadpose library add sweethome3d

@@ -200,6 +200,6 @@ def located(path: Path, what: str, number: int) -> str:
 def _same(a: Sequence[float], b: Any) -> bool:
     try:
         kept = np.asarray(b, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):  # JSON knows whole numbers of any length
         return False
     return kept.shape == (len(a),) and bool(np.abs(kept - np.asarray(a)).max() <= SAME)
