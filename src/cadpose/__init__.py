@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from cadpose.errors import CadposeError
     from cadpose.geometry.boxes import Box
     from cadpose.library.catalogue import Library
+    from cadpose.notebook import show
     from cadpose.pipeline import Annotator
     from cadpose.records import Annotation, CadModel, Detection, Photo, Pose4Dof, Rotation
 
@@ -32,6 +33,7 @@ _HOMES = {
     "Photo": "cadpose.records",
     "Pose4Dof": "cadpose.records",
     "Rotation": "cadpose.records",
+    "show": "cadpose.notebook",
 }
 
 __all__ = [
@@ -45,6 +47,7 @@ __all__ = [
     "Photo",
     "Pose4Dof",
     "Rotation",
+    "show",
 ]
 
 

@@ -23,7 +23,7 @@ def squares(blur: float = 0.0, noise: float = 0.0) -> NDArray[np.uint8]:
     if blur:
         grey = cv2.GaussianBlur(grey, (0, 0), blur)
     grey = grey + rng.normal(0, noise, grey.shape)
-    return np.clip(grey, 0, 255).astype(np.uint8)[..., None].repeat(3, axis=2)
+    return np.asarray(np.clip(grey, 0, 255)[..., None].repeat(3, axis=2), np.uint8)
 
 
 def test_blur_is_measured() -> None:
