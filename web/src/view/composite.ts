@@ -10,9 +10,6 @@ export const MODE: Record<Display, number> = {
   photo: 5,
 };
 
-/** Distances above this many pixels of the screen are not told. */
-export const REACH = 10;
-
 /**
  * Along the rows: how far the model (red) and what is not model (green) are, in half steps about the pixels that
  * are covered in part.
@@ -22,14 +19,14 @@ precision highp float;
 precision highp sampler2D;
 uniform sampler2D layer;
 uniform int reach;
+uniform vec4 area; // of the picture that holds anything: left, bottom, right, top
 out vec4 result;
 
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
-  int last = textureSize(layer, 0).x - 1;
   vec2 nearest = vec2(float(reach) + 1.0);
   for (int d = -reach; d <= reach; d++) {
-    float a = texelFetch(layer, ivec2(clamp(at.x + d, 0, last), at.y), 0).a;
+    float a = texelFetch(layer, ivec2(clamp(at.x + d, int(area.x), int(area.z) - 1), at.y), 0).a;
     float away = abs(float(d));
     if (a > 0.02) nearest.x = min(nearest.x, away + 0.5 - a);
     if (a < 0.98) nearest.y = min(nearest.y, away + a - 0.5);
@@ -45,15 +42,15 @@ precision highp sampler2D;
 uniform sampler2D layer;
 uniform sampler2D along;
 uniform int reach;
+uniform vec4 area;
 out vec4 result;
 
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
-  int last = textureSize(along, 0).y - 1;
   bool inside = texelFetch(layer, at, 0).a >= 0.5;
   float nearest = float(reach) + 1.0;
   for (int d = -reach; d <= reach; d++) {
-    vec2 both = texelFetch(along, ivec2(at.x, clamp(at.y + d, 0, last)), 0).rg * (float(reach) + 2.0) - 0.5;
+    vec2 both = texelFetch(along, ivec2(at.x, clamp(at.y + d, int(area.y), int(area.w) - 1)), 0).rg * (float(reach) + 2.0) - 0.5;
     float own = inside ? both.y : both.x;
     float away = abs(float(d));
     nearest = min(nearest, own <= 0.5 ? away + own : length(vec2(away, own)));
@@ -80,6 +77,7 @@ uniform float reach;
 uniform vec2 outlineWidths; // half of the line, and of its dark rim
 uniform vec2 size; // of the canvas in its pixels
 uniform vec4 place; // of the photo on it: left, top, width, height
+uniform vec4 area; // of the canvas that the model's pictures hold: left, bottom, right, top
 uniform float texel; // canvas pixels of one pixel of the photo's picture
 out vec4 result;
 
@@ -101,7 +99,8 @@ void main() {
     if (texel < 6.0) seen = texture(photo, uv).rgb;
   }
   ivec2 pixel = ivec2(gl_FragCoord.xy);
-  vec4 model = hasModel ? texelFetch(layer, pixel, 0) : vec4(0.0);
+  bool near = hasModel && all(greaterThanEqual(gl_FragCoord.xy, area.xy)) && all(lessThan(gl_FragCoord.xy, area.zw));
+  vec4 model = near ? texelFetch(layer, pixel, 0) : vec4(0.0);
   float a = model.a;
   vec3 own = a > 0.0 ? model.rgb / a : vec3(0.0);
   vec3 shown = seen;
@@ -123,13 +122,13 @@ void main() {
     float grey = dot(seen, vec3(0.299, 0.587, 0.114));
     shown = mix(vec3(0.1 + 0.3 * grey), 0.5 + 0.5 * (seen - own), a);
   }
-  if (hasModel && (mode == 1 || mode == 2)) {
+  if (near && (mode == 1 || mode == 2)) {
     float line = texelFetch(lines, pixel, 0).a;
     // A dark rim keeps lines apart from a photo of their own colour.
     vec3 colour = mode == 1 ? mix(tint, vec3(1.0), 0.55) : tint;
     shown = mix(shown * (1.0 - 0.35 * line), colour, line);
   }
-  if (hasModel && rim > 0.0) {
+  if (near && rim > 0.0) {
     float away = texelFetch(outline, pixel, 0).r * (reach + 2.0);
     shown *= 1.0 - 0.45 * rim * clamp(outlineWidths.y + 0.5 - away, 0.0, 1.0);
     shown = mix(shown, tint, rim * clamp(outlineWidths.x + 0.5 - away, 0.0, 1.0));
@@ -138,7 +137,7 @@ void main() {
     result = vec4(shown, 1.0);
   } else {
     // Beyond the photo the model is told only faintly.
-    float left = mode == 5 || !hasModel ? 0.0 : 0.35 * a;
+    float left = mode == 5 || !near ? 0.0 : 0.35 * a;
     result = vec4(mix(own, tint, 0.3) * left, left);
   }
 }

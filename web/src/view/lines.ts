@@ -3,22 +3,34 @@ import * as THREE from "three";
 
 import { LINE_FRAGMENT, LINE_VERTEX } from "./shaders";
 
+/** Which end, and which side of the line, of a quad's corners. */
+const CORNERS = [0, -1, 1, -1, 1, 1, 0, 1];
+const QUAD = [0, 1, 2, 0, 2, 3];
+
 type Shared = Record<"toCamera" | "toClip", THREE.IUniform<THREE.Matrix4>>;
 
 export class Lines {
   private readonly scene = new THREE.Scene();
-  private readonly geometry = new THREE.InstancedBufferGeometry();
+  private readonly geometry = new THREE.BufferGeometry();
   private readonly material: THREE.RawShaderMaterial;
 
   /** `ends`: six numbers a line. */
   constructor(ends: Float32Array, shared: Shared) {
-    const corners = new Float32Array([0, -1, 1, -1, 1, 1, 0, 1]);
+    // Not one quad drawn many times: graphics by the CPU take each of them for a drawing of its own.
+    const count = ends.length / 6;
+    const both = new Float32Array(24 * count);
+    const corners = new Int8Array(8 * count);
+    const index = new Uint32Array(6 * count);
+    for (let i = 0; i < count; i++) {
+      for (let k = 0; k < 4; k++) both.set(ends.subarray(6 * i, 6 * i + 6), 24 * i + 6 * k);
+      corners.set(CORNERS, 8 * i);
+      for (let k = 0; k < 6; k++) index[6 * i + k] = 4 * i + QUAD[k];
+    }
+    const pairs = new THREE.InterleavedBuffer(both, 6);
     this.geometry.setAttribute("position", new THREE.BufferAttribute(corners, 2));
-    this.geometry.setIndex([0, 1, 2, 0, 2, 3]);
-    const both = new THREE.InstancedInterleavedBuffer(ends, 6);
-    this.geometry.setAttribute("start", new THREE.InterleavedBufferAttribute(both, 3, 0));
-    this.geometry.setAttribute("end", new THREE.InterleavedBufferAttribute(both, 3, 3));
-    this.geometry.instanceCount = ends.length / 6;
+    this.geometry.setAttribute("start", new THREE.InterleavedBufferAttribute(pairs, 3, 0));
+    this.geometry.setAttribute("end", new THREE.InterleavedBufferAttribute(pairs, 3, 3));
+    this.geometry.setIndex(new THREE.BufferAttribute(index, 1));
     // three would measure it to sort by distance, which the order to draw replaces.
     this.geometry.boundingSphere = new THREE.Sphere();
     this.material = new THREE.RawShaderMaterial({

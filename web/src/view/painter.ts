@@ -1,8 +1,8 @@
 /** Draws the canvas: the photo, the model in it and what tells them apart. */
 import * as THREE from "three";
 
-import type { Window } from "./camera";
-import { ACROSS, ALONG, COMPOSITE, MODE, REACH } from "./composite";
+import { projectedBox, type Window } from "./camera";
+import { ACROSS, ALONG, COMPOSITE, MODE } from "./composite";
 import type { Model } from "./model";
 import { Pass } from "./pass";
 import type { Display, Pose } from "./pose";
@@ -34,16 +34,20 @@ const MULTISAMPLED = 4;
 const HALF_WIDTH = 1.0;
 const RIM = 1.1;
 
+const NOWHERE = new THREE.Vector4();
+
 export class Painter {
   private readonly layer = target({ samples: MULTISAMPLED, stencilBuffer: true });
-  private readonly lines = target({ samples: MULTISAMPLED });
+  /** Lines have soft edges of their own. */
+  private readonly lines = target({});
   private readonly along = target({ depthBuffer: false });
   private readonly outline = target({ depthBuffer: false });
-  private readonly alongPass = new Pass(ALONG, { layer: this.layer.texture, reach: REACH });
+  private readonly alongPass = new Pass(ALONG, { layer: this.layer.texture, reach: 0, area: NOWHERE });
   private readonly acrossPass = new Pass(ACROSS, {
     layer: this.layer.texture,
     along: this.along.texture,
-    reach: REACH,
+    reach: 0,
+    area: NOWHERE,
   });
   private readonly composite = new Pass(COMPOSITE, {
     photo: null,
@@ -57,10 +61,11 @@ export class Painter {
     mode: 0,
     opacity: 1,
     tint: new THREE.Vector3(),
-    reach: REACH,
+    reach: 0,
     outlineWidths: new THREE.Vector2(),
     size: new THREE.Vector2(),
     place: new THREE.Vector4(),
+    area: NOWHERE,
     texel: 1,
   });
   private readonly size = new THREE.Vector2(1, 1);
@@ -91,8 +96,12 @@ export class Painter {
   ): void {
     const { renderer, size, composite } = this;
     const { model, window, display } = picture;
-    const hasModel = model !== null && pose !== null && display !== "photo";
-    if (hasModel) this.drawModel(model, pose, picture, left, width, ratio);
+    // How far from the silhouette its rim goes.
+    const reach = Math.ceil((HALF_WIDTH + RIM) * ratio + 1);
+    const drawn = model && pose && display !== "photo" ? { model, pose } : null;
+    const area = drawn ? areaOf(drawn.model, drawn.pose, window, size, [left, left + width], reach) : NOWHERE;
+    const hasModel = drawn !== null && area.z > area.x && area.w > area.y;
+    if (hasModel) this.drawModel(drawn.model, drawn.pose, picture, area, reach, ratio);
     const across = size.x / window.width;
     const shown = picture.photo?.image as { width: number } | undefined;
     composite.set({
@@ -101,6 +110,8 @@ export class Painter {
       mask: picture.mask,
       hasMask: picture.mask !== null,
       hasModel,
+      area,
+      reach,
       mode: MODE[display],
       opacity: picture.opacity,
       tint: new THREE.Vector3(...tint),
@@ -122,17 +133,14 @@ export class Painter {
   }
 
   private drawModel(
-    model: Model, pose: Pose, picture: Picture, left: number, width: number, ratio: number,
+    model: Model, pose: Pose, picture: Picture, area: THREE.Vector4, reach: number, ratio: number,
   ): void {
     const { renderer, size, layer, lines, along, outline } = this;
     const { display } = picture;
-    // A little more than is shown, as outlines reach that far.
-    const from = Math.max(0, left - REACH - 1);
-    const to = Math.min(size.x, left + width + REACH + 1);
     for (const each of [layer, lines, along, outline]) {
       if (each.width !== size.x || each.height !== size.y) each.setSize(size.x, size.y);
       each.scissorTest = true;
-      each.scissor.set(from, 0, to - from, size.y);
+      each.scissor.set(area.x, area.y, area.z - area.x, area.w - area.y);
     }
     model.aim(pose, picture.window);
     renderer.setRenderTarget(layer);
@@ -140,6 +148,8 @@ export class Painter {
     renderer.clear();
     model.draw(renderer, "shaded");
     if (display === "blend" || display === "outline") {
+      this.alongPass.set({ reach, area });
+      this.acrossPass.set({ reach, area });
       this.alongPass.draw(renderer, along);
       this.acrossPass.draw(renderer, outline);
     }
@@ -152,6 +162,24 @@ export class Painter {
       edges.draw(renderer, size, display === "outline" ? 1.2 * ratio : ratio, display === "outline" ? 0.8 : 0.9, false);
     }
   }
+}
+
+/** What of the canvas the model and its rim take, within these columns: left, bottom, right, top. */
+function areaOf(
+  model: Model, pose: Pose, window: Window, size: THREE.Vector2, columns: [number, number], reach: number,
+): THREE.Vector4 {
+  const scale = size.x / window.width;
+  const box = projectedBox(pose, model.bounds);
+  const low = (value: number, least: number): number => Math.max(least, Math.floor(value * scale) - reach - 1);
+  const high = (value: number, most: number): number => Math.min(most, Math.ceil(value * scale) + reach + 1);
+  const [from, to] = [Math.max(0, columns[0] - reach - 1), Math.min(size.x, columns[1] + reach + 1)];
+  if (!box) return new THREE.Vector4(from, 0, to, size.y);
+  return new THREE.Vector4(
+    low(box[0] - window.x, from),
+    size.y - high(box[3] - window.y, size.y),
+    high(box[2] - window.x, to),
+    size.y - low(box[1] - window.y, 0),
+  );
 }
 
 function target(options: THREE.RenderTargetOptions): THREE.WebGLRenderTarget {
