@@ -18,8 +18,9 @@ PACKAGE = REPOSITORY / "src" / "cadpose"
 # From the top down; a module imports from its own tier and from those below.
 TIERS: tuple[tuple[str, ...], ...] = (
     ("cli",),
-    ("batch", "evaluation", "training", "doctor", "review"),
+    ("batch", "evaluation", "training", "doctor", "review", "notebook"),
     ("pipeline", "backends"),
+    ("replacement",),
     ("annotations",),
     ("datasets",),
     ("alignment",),
