@@ -62,8 +62,7 @@ export async function send(review: Review, id: string, request: DecisionRequest)
     review.deskTick.value++;
     review.busy.value = "";
     if (review.currentId.peek() !== id) return;
-    if (review.queue.hasNext(id)) await review.moveOn();
-    else await review.open(id);
+    await review.moveOn();
   } catch (error) {
     review.busy.value = "";
     if (error instanceof ApiError && error.kind === "conflict" && error.current) {

@@ -9,6 +9,8 @@ import { Pages, nextOpen } from "./state/pages";
 
 const AHEAD = 3;
 
+const isOpen = (item: Item): boolean => item.decided_by !== "human";
+
 export class Queue {
   readonly filters = signal<Filters>(NO_FILTERS);
   /** Raised whenever the pages change. */
@@ -107,24 +109,20 @@ export class Queue {
     return this.pages.items[nextOpen(this.pages.items, -1)] ?? this.pages.items[0];
   }
 
-  hasNext(id: string): boolean {
-    return this.pages.indexOf(id) + 1 < this.total;
-  }
-
   neighbour(id: string | null, by: 1 | -1): Item | undefined {
     const place = id === null ? -1 : this.pages.indexOf(id);
     if (by > 0) void this.ensure(place + 2 + AHEAD);
     return this.pages.items[place + by];
   }
 
-  /** The next item on which no person has decided; fetches on where the pages end. */
+  /** The next item on which no person has decided, from the top again after the last; fetches on as it must. */
   async nextOpen(id: string | null): Promise<Item | undefined> {
     const place = id === null ? -1 : this.pages.indexOf(id);
     for (;;) {
       const items = this.pages.items;
       const next = nextOpen(items, place);
-      if (next >= 0 && items[next]?.decided_by !== "human") return items[next];
-      if (this.pages.complete || this.error.peek()) return next >= 0 ? items[next] : undefined;
+      if (next >= 0) return items[next];
+      if (this.pages.complete || this.error.peek()) return items.find((item) => isOpen(item) && item.id !== id);
       await this.ensure(items.length + 1);
     }
   }

@@ -164,9 +164,11 @@ export class Review {
   }
 
   async moveOn(): Promise<void> {
-    const next = await this.queue.nextOpen(this.currentId.peek());
-    if (next) await this.open(next.id);
-    else this.say("That was the last one of the queue.");
+    const id = this.currentId.peek();
+    const next = await this.queue.nextOpen(id);
+    if (next) return this.open(next.id);
+    if (id !== null) await this.open(id);
+    this.say("Stored. People have decided on everything in this list.", "good");
   }
 
   // -- the draft -------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ export function Header() {
         cadpose <span class="light-word">review</span>
       </h1>
       <span class="store" title={session?.store}>
-        {session?.store ?? ""}
+        {session?.store.split("/").at(-1) ?? ""}
       </span>
       <Progress />
       <span class="spring" />

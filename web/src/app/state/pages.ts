@@ -73,10 +73,10 @@ export class Pages {
   }
 }
 
-/** The next place on which no person has decided, else the next one, else -1. */
+/** The next place on which no person has decided, else -1. */
 export function nextOpen(items: readonly Item[], from: number): number {
   for (let place = from + 1; place < items.length; place++) {
     if (items[place]?.decided_by !== "human") return place;
   }
-  return from + 1 < items.length ? from + 1 : -1;
+  return -1;
 }

@@ -13,7 +13,7 @@ export function Compare({ before, after, width, height }: Props) {
   const [place, setPlace] = useState(50);
   return (
     <figure class="compare">
-      <div class="compare-frame" style={{ aspectRatio: `${width} / ${height}` }}>
+      <div class="compare-frame" style={{ aspectRatio: `${width} / ${height}`, width: `min(100%, ${(56 * width) / height}vh)` }}>
         <img src={after} alt="With the other model" />
         <img src={before} alt="The photo as it was" style={{ clipPath: `inset(0 ${100 - place}% 0 0)` }} />
         <span class="compare-line" style={{ left: `${place}%` }} aria-hidden="true" />
