@@ -12,11 +12,13 @@ from cadpose.review.exporting import export_routes
 from cadpose.review.items import item_routes
 from cadpose.review.photos import photo_routes
 from cadpose.review.refusals import answer_errors
+from cadpose.review.replacing import replace_routes
 from cadpose.review.security import Access, Guard
 from cadpose.review.session import session_routes
 from cadpose.review.snapping import snap_routes
 from cadpose.review.static_files import static_routes
 from cadpose.review.statistics import statistics_routes
+from cadpose.review.turns import few_threads
 from cadpose.review.uploads import upload_routes
 
 
@@ -28,7 +30,9 @@ def make_app(desk: Desk, access: Access) -> ASGIApp:
         access: Who is let in.
     """
     # No page of documentation: it would load scripts from elsewhere.
-    app = FastAPI(title="cadpose review", docs_url=None, redoc_url=None, openapi_url=None)
+    app = FastAPI(
+        title="cadpose review", docs_url=None, redoc_url=None, openapi_url=None, lifespan=few_threads
+    )
     app.router.redirect_slashes = False
     api = APIRouter(prefix="/api")
     for routes in (
@@ -39,6 +43,7 @@ def make_app(desk: Desk, access: Access) -> ASGIApp:
         photo_routes,
         cad_routes,
         upload_routes,
+        replace_routes,
         export_routes,
         statistics_routes,
     ):

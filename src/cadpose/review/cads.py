@@ -43,12 +43,14 @@ def cad_routes(desk: Desk) -> APIRouter:
         return CadsAnswer(items=[desk.models.shape(cad) for cad in found], after=rest)
 
     @routes.get("/cads/{key}/mesh.glb")
+    @desk.slow
     def mesh(key: MeshKey) -> Response:
         cad, library = known(key), desk.models.opened()
         data = desk.pictures.made(f"glb 1 {key}", lambda: single_mesh_glb(library.mesh(cad), cad.name))
         return Response(data, media_type="model/gltf-binary", headers=KEEP)
 
     @routes.get("/cads/{key}/thumb.png")
+    @desk.slow
     def thumb(
         key: MeshKey,
         azimuth: _Angle = 30.0,
@@ -66,6 +68,7 @@ def cad_routes(desk: Desk) -> APIRouter:
         return Response(picture, media_type="image/png", headers=KEEP)
 
     @routes.get("/cads/{key}/symmetry")
+    @desk.slow
     def symmetry(key: MeshKey, response: Response) -> SymmetryAnswer:
         name, turns, continuous = desk.models.twins(known(key))
         response.headers.update(KEEP)

@@ -62,7 +62,9 @@ def decision_routes(desk: Desk) -> APIRouter:
                 )
         except ConflictError as error:
             raise conflict(desk, annotation_id, error) from None
-        return DecisionAnswer(item=Item.of(desk.stored(annotation_id).item), version=version)
+        now = desk.store.items(found.item.photo_sha256)
+        item = next(item for item in now if item.annotation_id == annotation_id)
+        return DecisionAnswer(item=Item.of(item), version=version)
 
     return routes
 

@@ -21,12 +21,15 @@ from cadpose.review.models import Models
 from cadpose.review.photo_files import PhotoFiles
 from cadpose.review.refusals import RefusedError, not_found
 from cadpose.review.studio import Studio
+from cadpose.review.turns import Slow
 
 #: Decoded photos and encoded pictures that stay in memory, bytes.
 PHOTO_BYTES, PICTURE_BYTES = 512 * 2**20, 128 * 2**20
 #: Seconds between two looks for photos that were added by others.
 _LOOK_AGAIN = 1.0
 _WRITE_PATIENCE = 30.0
+#: Seconds that opening an annotation waits for a moved photo to be found.
+_FIND_PATIENCE = 1.5
 
 
 @dataclass(eq=False)
@@ -42,6 +45,7 @@ class Desk:
         jobs: Photos that are annotated.
         author: Who decides where a request does not say.
         pictures: Encoded pictures that are kept.
+        slow: Marks what takes long.
     """
 
     store: Store
@@ -52,6 +56,7 @@ class Desk:
     jobs: Jobs
     author: str
     pictures: KeptPictures = field(default_factory=lambda: KeptPictures(PICTURE_BYTES))
+    slow: Slow = field(default_factory=Slow)
     _decoded: Kept[Photo] = field(
         default_factory=lambda: Kept(PHOTO_BYTES, lambda photo: photo.rgb.nbytes), init=False
     )
@@ -92,7 +97,9 @@ class Desk:
 
     def at_hand(self, sha256: str, name: str) -> bool:
         """Whether a photo's file can be read, as far as is known."""
-        return self._decoded.get(sha256) is not None or self.photos.path(sha256, name) is not None
+        if self._decoded.get(sha256) is not None:
+            return True
+        return self.photos.path(sha256, name, patience=_FIND_PATIENCE) is not None
 
     def stored(self, annotation_id: str, *, original: bool = False) -> StoredAnnotation:
         """One annotation.

@@ -72,6 +72,7 @@ def export_routes(desk: Desk) -> APIRouter:
     turn = threading.Lock()
 
     @routes.get("/export/{name}")
+    @desk.slow
     def exported(
         name: Annotated[str, Path(max_length=40)],
         verdict: Annotated[list[str] | None, Query(max_length=20)] = None,

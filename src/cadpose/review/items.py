@@ -64,6 +64,7 @@ def item_routes(desk: Desk) -> APIRouter:
         return told_annotation(desk, desk.stored(annotation_id))
 
     @routes.get("/annotations/{annotation_id}/thumb.jpg")
+    @desk.slow
     def thumb(annotation_id: AnnotationId) -> Response:
         found = desk.stored(annotation_id)
         pose, cad = found.annotation.pose, found.annotation.cad

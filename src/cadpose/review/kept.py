@@ -103,6 +103,8 @@ class KeptPictures:
             return data
         data = make()
         try:
+            # Photos are private: the folder is the user's own.
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             write_atomic(path, data)
         except OSError as error:
             # Without a cache the work is slower, not wrong.

@@ -49,13 +49,14 @@ class PhotoFiles:
         self._walk: threading.Thread | None = None
         self._walked = -FRESH
 
-    def path(self, sha256: str, name: str, patience: float = 0.0) -> Path | None:
+    def path(self, sha256: str, name: str, *, patience: float = 0.0, walk: bool = True) -> Path | None:
         """The file with these bytes; None where it is not at hand, or not found yet.
 
         Args:
             sha256: Digest of its bytes.
             name: As the store has it.
             patience: Seconds to wait for the folders to be walked through.
+            walk: Whether they are, where the name leads nowhere.
         """
         known = self._found.get(sha256)
         if known is not None and self._is(known, sha256):
@@ -64,9 +65,9 @@ class PhotoFiles:
             if self._is(path, sha256):
                 self._found[sha256] = path
                 return path
-        walk = self._walking()
-        if walk is not None and patience > 0.0:
-            walk.join(patience)
+        walking = self._walking() if walk else None
+        if walking is not None and patience > 0.0:
+            walking.join(patience)
         known = self._found.get(sha256)
         return known if known is not None and self._is(known, sha256) else None
 
@@ -76,7 +77,7 @@ class PhotoFiles:
         Raises:
             InputError: it is not at hand.
         """
-        path = self.path(sha256, name, PATIENCE)
+        path = self.path(sha256, name, patience=PATIENCE)
         photo = None if path is None else _decoded(path)
         if photo is None or photo.sha256 != sha256:
             raise InputError(

@@ -30,6 +30,7 @@ def photo_routes(desk: Desk) -> APIRouter:
     routes = APIRouter()
 
     @routes.get("/photos/{sha256}/image")
+    @desk.slow
     def image(
         sha256: PhotoDigest, side: Annotated[int, Query(ge=LEAST_SIDE, le=MOST_SIDE)] = USUAL_SIDE
     ) -> Response:

@@ -39,9 +39,7 @@ def session_routes(desk: Desk) -> APIRouter:
             if library is None
             else LibraryTold(models=len(library.models()), categories=library.categories()),
             limits=Limits(upload_bytes=MAX_BYTES, pixels=MAX_PIXELS),
-            actions=Actions(
-                annotate=has, snap=has, replace=False, example=example_of(desk.models) is not None
-            ),
+            actions=Actions(annotate=has, snap=has, replace=has, example=example_of(desk.models) is not None),
             formats=formats_told(desk),
             reasons=list(REASONS),
         )

@@ -20,6 +20,8 @@ from cadpose.rle import decode_mask, encode_mask, runs_from_text, text_from_runs
 DIGEST = r"^[0-9a-f]{64}$"
 #: Furthest that a pose may put its model, and its largest focal length, in sides of the photo.
 FARTHEST = 100.0
+#: Smallest focal length, in pixels.
+NEAREST_PX = 0.1
 
 Digest = Annotated[str, Field(pattern=DIGEST)]
 Short = Annotated[str, Field(max_length=200)]
@@ -76,6 +78,8 @@ class PoseShape(Shape):
             InputError: the record refuses a number, or the model would be nowhere near the photo.
         """
         side = float(max(photo_size))
+        if self.focal_px < NEAREST_PX:
+            raise InputError(f"a focal length of {self.focal_px:g} px makes the model vanish")
         if self.focal_px > FARTHEST * side or max(map(abs, self.principal_px)) > FARTHEST * side:
             raise InputError("the pose puts the model far outside the photo: bring it back")
         if not 0.51 < self.t_z < 1e3:

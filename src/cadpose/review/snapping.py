@@ -30,6 +30,7 @@ def snap_routes(desk: Desk) -> APIRouter:
     routes = APIRouter()
 
     @routes.post("/snap")
+    @desk.slow
     def snap(body: SnapBody) -> SnapAnswer:
         begun = time.perf_counter()
         found = desk.stored(body.annotation_id)

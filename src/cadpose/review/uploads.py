@@ -14,6 +14,7 @@ from typing import Annotated
 from anyio import to_thread
 from fastapi import APIRouter, Path, Query, Request
 from PIL import Image
+from starlette.requests import ClientDisconnect
 
 from cadpose.annotations.formats.target import portable_name
 from cadpose.errors import InputError
@@ -44,7 +45,10 @@ def upload_routes(desk: Desk) -> APIRouter:
         folder = uploads_folder(desk)
         part = folder / f"{PART}{secrets.token_hex(8)}"
         try:
-            await _written(request.stream(), part)
+            try:
+                await _written(request.stream(), part)
+            except ClientDisconnect:
+                raise InputError("the upload was broken off") from None
             job = await to_thread.run_sync(_taken, desk, part, shown_name(name))
         finally:
             with suppress(OSError):
@@ -52,6 +56,7 @@ def upload_routes(desk: Desk) -> APIRouter:
         return job.answer()
 
     @routes.post("/photos/example", status_code=202)
+    @desk.slow
     def example() -> JobAnswer:
         known = example_of(desk.models)
         if known is None:
@@ -133,7 +138,7 @@ def _taken(desk: Desk, part: FilePath, name: str) -> Job:
         raise InputError(str(error).replace(str(part), name)) from None
     suffix = FilePath(name).suffix.lower()
     place = part.with_name(f"{photo.sha256}{suffix if suffix in SUFFIXES else '.jpg'}")
-    known = desk.photos.path(photo.sha256, name)
+    known = desk.photos.path(photo.sha256, name, walk=False)
     if known is None:
         part.replace(place)
         known = place
