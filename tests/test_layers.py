@@ -53,6 +53,8 @@ STAGES = {"detection", "rotation", "similarity", "alignment"}
 JOINERS = {"pipeline", "backends"}
 # Optional, heavy or under another licence: only inside a function, when asked for.
 NEVER_AT_MODULE_LEVEL = {"torch", "torchvision", "bpy", "ray", "matplotlib"}
+# Known to the page's server alone; the command line asks for that inside a function.
+WEB = {"fastapi", "starlette", "uvicorn"}
 # Not even inside a function.
 NEVER = {"torchvision", "ultralytics"}
 MOST_PUBLIC_NAMES = 15
@@ -167,6 +169,18 @@ def heavy(imports: list[Import]) -> list[str]:
     ]
 
 
+def web_elsewhere(imports: list[Import]) -> list[str]:
+    """Imports of the web framework by others than the review server, and of that server with a module."""
+    return [
+        str(i)
+        for i in imports
+        if part(i.source) != "review"
+        and (
+            i.target.partition(".")[0] in WEB or (i.at_module_level and i.target.startswith("cadpose.review"))
+        )
+    ]
+
+
 def cycle(imports: list[Import]) -> list[str]:
     """A ring of modules that import each other when imported, or nothing."""
     graph: dict[str, set[str]] = {}
@@ -195,6 +209,10 @@ def test_only_the_pipeline_joins_stages(imports: list[Import]) -> None:
 
 def test_nothing_heavy_is_imported_with_a_module(imports: list[Import]) -> None:
     assert heavy(imports) == []
+
+
+def test_only_the_review_server_knows_the_web_framework(imports: list[Import]) -> None:
+    assert web_elsewhere(imports) == []
 
 
 def test_no_ring_of_imports(imports: list[Import]) -> None:
@@ -254,6 +272,9 @@ def test_the_checks_find_what_they_look_for(tmp_path: Path) -> None:
         "rotation/vote.py": "from cadpose.detection.ssd import Ssd",
         "evaluation/__init__.py": "from cadpose import rotation\nimport cadpose.alignment",
         "alignment/__init__.py": "",
+        "review/__init__.py": "import fastapi",
+        "cli/__init__.py": "",
+        "cli/review.py": "import cadpose.review\ndef f() -> None:\n    import cadpose.review, uvicorn",
     }
     for name, text in broken.items():
         (package / name).parent.mkdir(parents=True, exist_ok=True)
@@ -270,5 +291,9 @@ def test_the_checks_find_what_they_look_for(tmp_path: Path) -> None:
     assert sorted(heavy(found)) == [
         "cadpose.detection.ssd:1 imports torch.nn",
         "cadpose.rotation:2 imports ultralytics",
+    ]
+    assert sorted(web_elsewhere(found)) == [
+        "cadpose.cli.review:1 imports cadpose.review",
+        "cadpose.cli.review:3 imports uvicorn",
     ]
     assert set(cycle(found)) == {"cadpose.library.mesh", "cadpose.library.shapes"}
