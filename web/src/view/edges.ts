@@ -27,7 +27,7 @@ export function edgesOf(pieces: readonly Piece[]): Edges {
       const key = a < b ? a * count + b : b * count + a;
       const known = normals.get(key);
       if (known) known.push(...normal);
-      else normals.set(key, normal);
+      else normals.set(key, [...normal]);
     }
   }
   const creases: number[] = [];
