@@ -69,10 +69,11 @@ def serve(
     photos: list[Path] | None = None,
     annotator: Any = no_annotator,
     raising: bool = True,
+    url: str = "",
 ) -> Served:
-    """Serve a new store in ``folder`` that holds the made documents."""
+    """Serve a new store, in ``folder`` unless told, that holds the made documents."""
     file = folder / "review.db"
-    url = f"sqlite:///{file}"
+    url = url or f"sqlite:///{file}"
     store = Store(url)
     if made is not None:
         store.add_many(made.documents)

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cadpose.library.catalogue import Library
 from cadpose.review.answers import AnnotationAnswer, DecisionAnswer
 from cadpose.rle import encode_mask, text_from_runs
 from tests.annotations.formats.made import Made
+from tests.postgres_server import NewDatabase
 from tests.review.serving import Served, serve
 
 
@@ -117,6 +119,21 @@ def test_without_a_library_an_edit_is_not_measured(tmp_path: Any, made: Made) ->
         assert after.mask_iou is None and after.pose.azimuth == 1.0
         cad = made.library.models()[0].id
         assert "no CAD library" in decide(served, key, 422, verdict="edit", version=2, cad_id=cad)["error"]
+    finally:
+        served.close()
+
+
+def test_on_a_server(tmp_path: Any, small_library: Library, made: Made, new_postgres: NewDatabase) -> None:
+    served = serve(tmp_path, small_library, made, url=new_postgres())
+    try:
+        key = served.ids()[1]
+        pose = detail(served, key).pose.model_dump() | {"azimuth": 40.0}
+        decide(served, key, verdict="edit", pose=pose)
+        assert decide(served, key, 409)["current"]["by"] == "Bea"
+        assert detail(served, key).pose.azimuth == 40.0
+        assert served.get("/api/queue?verdict=edit")["total"] == served.get("/api/stats")["decided"] == 1
+        assert served.client.get("/api/export/coco").status_code == 200
+        assert "password" not in served.get("/api/session")["store"]
     finally:
         served.close()
 
