@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import Mask
-from cadpose.replacement.linear import LUMA, linear, luminance
+from cadpose.replacement.linear import LUMA, Reals, linear, luminance
 from cadpose.replacement.surface import Surface
 from cadpose.replacement.window import Window
 
@@ -51,10 +51,11 @@ class Light:
     confidence: float
     guessed: bool
 
-    def on(self, normals: FloatArray) -> FloatArray:
+    def on(self, normals: Reals) -> NDArray[np.float32]:
         """(..., 3) unit normals to (..., 3) linear RGB intensity."""
-        facing = np.maximum(normals @ np.array(self.direction), 0.0)
-        return np.asarray((self.ambient + self.key * facing)[..., None] * np.array(self.colour))
+        facing = np.maximum(normals @ np.array(self.direction, np.float32), 0.0)
+        lit = (self.ambient + self.key * facing)[..., None] * np.array(self.colour, np.float32)
+        return np.asarray(lit, np.float32)
 
 
 def even_light(up_cv: FloatArray) -> Light:
@@ -90,7 +91,7 @@ def guess_light(
     if known.sum() >= _FEWEST_PIXELS:
         # What stands among dark things may be bright: then there is more light than they tell.
         level = max(level, min(float(np.quantile(luminance(light[known]), 0.9)) / _BRIGHTEST_PAINT, 1.25))
-    pools = _pools(surface.normals[known], luminance(light[known]))
+    pools = _pools(surface.normals[known].astype(np.float64), luminance(light[known]).astype(np.float64))
     if pools is None:
         return _overcast(up_cv, level, colour, 0.0)
     direction, ambient, key, confidence = _fit(*pools, up_cv)
@@ -112,7 +113,7 @@ def _overcast(
     return Light((float(x), float(y), float(z)), 0.55 * level, 0.45 * level, colour, confidence, False)
 
 
-def _level(light: FloatArray) -> tuple[float, tuple[float, float, float]]:
+def _level(light: Reals) -> tuple[float, tuple[float, float, float]]:
     """Intensity and colour of the light by the grey-world assumption, half believed for the colour."""
     if not len(light):
         return 1.0, (1.0, 1.0, 1.0)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import Mask
+from cadpose.replacement.linear import Reals
 
 # Gaussian sigma that the estimate gives for a sharp, anti-aliased edge.
 _SHARP = 0.85
@@ -33,21 +34,21 @@ class Look:
     noise: float
     tone: FloatArray | None
 
-    def toned(self, rgb: FloatArray) -> FloatArray:
+    def toned(self, rgb: Reals) -> Reals:
         """(..., 3) display values in [0, 255] in the photo's one tone, where it has one."""
         if self.tone is None:
             return rgb
         level = np.clip(rgb @ _LUMA, 0.0, 255.0)
         return np.stack([np.interp(level, np.arange(256), self.tone[:, i]) for i in range(3)], axis=-1)
 
-    def grain(self, shape: tuple[int, int], seed: int) -> FloatArray:
+    def grain(self, shape: tuple[int, int], seed: int) -> NDArray[np.float32]:
         """(H, W) levels to add; the same seed gives the same grain."""
         if self.noise <= 0:
-            return np.zeros(shape)
-        drawn = np.random.default_rng(seed).normal(size=shape)
+            return np.zeros(shape, np.float32)
+        drawn = np.random.default_rng(seed).standard_normal(shape, np.float32)
         # Grain of a photo that was demosaiced and compressed is never finer than a pixel.
         soft = cv2.GaussianBlur(drawn, (0, 0), 0.6)
-        return np.asarray(soft * (self.noise / max(float(soft.std()), 1e-6)))
+        return np.asarray(soft * (self.noise / max(float(soft.std()), 1e-6)), np.float32)
 
 
 def look_of(rgb: NDArray[np.uint8], about: Mask) -> Look:

@@ -23,14 +23,16 @@ from cadpose.replacement.light import Light, even_light, guess_light
 from cadpose.replacement.linear import display, linear
 from cadpose.replacement.look import Look, look_of
 from cadpose.replacement.placing import Size, standing_pose
-from cadpose.replacement.region import contact_region, floor_row, removed_region
+from cadpose.replacement.region import contact_region, floor_row, grown, removed_region
 from cadpose.replacement.shadow import darkening, ground_shadow
 from cadpose.replacement.surface import Surface, surface_of
 from cadpose.replacement.window import Window, window_about
 from cadpose.stopwatch import Stopwatch
 
 # Of samples a side of a drawing: more are not worth their memory.
-_MOST_SAMPLES = 6000
+_MOST_SAMPLES = 8200
+# Longest side at which the object and its light are examined.
+_EXAMINED = 960
 # Pixels about a drawing that blur and edges need.
 _MARGIN = 8.0
 
@@ -72,7 +74,7 @@ class Replacement:
             LibraryError: the model's file is damaged.
             InputError: the pose has no finite place in a scene.
         """
-        lit = linear(self.background) * (1.0 - self.shadow)[..., None]
+        lit = linear(self.background) * (1.0 - self.shadow.astype(np.float32))[..., None]
         photo = Photo(np.round(display(lit)).astype(np.uint8), f"{self._annotation.photo_name} (replaced)")
         told = document_from(photo, [replace(self._annotation, photo_name=photo.name)])
         return gltf_scene(told, self._library, photo)
@@ -135,30 +137,25 @@ class Replacer:
         height, width = mask.shape
         with clock.time("read"):
             old_mesh, mesh = self.library.mesh(annotation.cad), self.library.mesh(cad)
-        old_pose = annotation.pose
-        new_pose = pose or standing_pose(old_mesh, annotation.cad, mesh, cad, old_pose, size)
+        new_pose = pose or standing_pose(old_mesh, annotation.cad, mesh, cad, annotation.pose, size)
         with clock.time("light"):
-            old_window, old = self._draw(old_mesh, old_pose, width, height, self._coarse)
-            silhouette = np.zeros(mask.shape, np.bool_)
-            if old_window is not None and old is not None:
-                silhouette[old_window.slices] = old.coverage > 0.5
-            region = removed_region(mask, silhouette, contact_region(old_mesh, old_pose, mask))
-            up = new_pose.rotation.to_matrix()[:, 1]
-            told = even_light(up)
-            if light and old_window is not None and old is not None:
-                told = self._light(photo, mask, region, old_window, old, old_pose)
+            region, told = self._examined(photo, mask, old_mesh, annotation.pose, light)
         with clock.time("draw"):
-            window, surface = self._draw(mesh, new_pose, width, height, self._fine)
+            window, surface = self._draw(mesh, new_pose, width, height)
         if window is None or surface is None or not surface.coverage.any():
             raise InputError(
                 f"{cad.name or cad.id} would stand outside {photo.name}: give it another pose or size"
             )
         with clock.time("inpaint"):
             inpainter = self._inpainter or default_inpainter(self.seed)
-            near = _grown(region, 0.5) & ~region
+            near = grown(region, 0.5 * _side(region)) & ~region
             look = look_of(photo.rgb, near if near.sum() > 2000 else ~mask)
             background = paint_over(
-                photo.rgb, region, _barred(others, annotation, mask), inpainter, floor_row(old_mesh, old_pose)
+                photo.rgb,
+                region,
+                _barred(others, annotation, mask),
+                inpainter,
+                floor_row(old_mesh, annotation.pose),
             )
             background = _grained(background, region, look, self.seed)
         with clock.time("shadow"):
@@ -183,24 +180,52 @@ class Replacer:
             _library=self.library,
         )
 
+    def _examined(
+        self, photo: Photo, mask: Mask, mesh: Mesh, pose: Pose4Dof, light: bool
+    ) -> tuple[Mask, Light]:
+        """What is removed, and the light: both are seen well enough in a photo of moderate size."""
+        scale = min(1.0, _EXAMINED / max(mask.shape))
+        rgb, small, own = photo.rgb, mask, pose
+        if scale < 1.0:
+            height, width = (max(1, round(n * scale)) for n in mask.shape)
+            x, y = width / mask.shape[1], height / mask.shape[0]
+            rgb = np.asarray(cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+            share = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+            small = np.asarray(share >= min(0.5, float(share.max())))
+            px, py = pose.principal_px
+            own = replace(pose, focal_px=pose.focal_px * x, principal_px=(px * x, py * y))
+        window = _window(mesh, own, small.shape)
+        silhouette = np.zeros(small.shape, np.bool_)
+        if window is not None:
+            surface = surface_of(mesh, window.cameras(own), self._coarse)
+            silhouette[window.slices] = surface.coverage > 0.5
+        region = removed_region(small, silhouette, contact_region(mesh, own, small))
+        up = own.rotation.to_matrix()[:, 1]
+        told = even_light(up)
+        if light and window is not None:
+            near = grown(region, 0.6 * _side(region)) & ~region
+            about = near if near.sum() > 2000 else ~small
+            told = guess_light(rgb, _eroded(small)[window.slices], surface, up, about, window)
+        if scale < 1.0:
+            size = (mask.shape[1], mask.shape[0])
+            region = cv2.resize(region.astype(np.float32), size, interpolation=cv2.INTER_LINEAR) > 0.25
+        return np.asarray(region | mask), told
+
     def _draw(
-        self, mesh: Mesh, pose: Pose4Dof, width: int, height: int, renderer: Rasteriser
+        self, mesh: Mesh, pose: Pose4Dof, width: int, height: int
     ) -> tuple[Window | None, Surface | None]:
-        window = window_about(pose.project(mesh.hull), _MARGIN, width, height)
+        window = _window(mesh, pose, (height, width))
         if window is None:
             return None, None
-        if max(window.width, window.height) * renderer.supersample > _MOST_SAMPLES:
-            renderer = self._coarse
+        most = _MOST_SAMPLES // max(window.width, window.height)
+        renderer = self._fine
+        if renderer.supersample > most:
+            renderer = Rasteriser(supersample=max(1, most))
         return window, surface_of(mesh, window.cameras(pose), renderer)
 
-    def _light(
-        self, photo: Photo, mask: Mask, region: Mask, window: Window, surface: Surface, pose: Pose4Dof
-    ) -> Light:
-        up = pose.rotation.to_matrix()[:, 1]
-        seen = _eroded(mask)[window.slices]
-        near = _grown(region, 0.6) & ~region
-        about = near if near.sum() > 2000 else ~mask
-        return guess_light(photo.rgb, seen, surface, up, about, window)
+
+def _window(mesh: Mesh, pose: Pose4Dof, shape: tuple[int, ...]) -> Window | None:
+    return window_about(pose.project(mesh.hull), _MARGIN, shape[1], shape[0])
 
 
 def _mask_of(photo: Photo, annotation: Annotation) -> Mask:
@@ -231,20 +256,13 @@ def _barred(others: Sequence[Annotation], annotation: Annotation, mask: Mask) ->
     for other in others:
         told = other.detection.mask
         if other is not annotation and told is not None and told.shape == mask.shape and told.any():
-            barred |= _grown(told, 0.02)
+            barred |= grown(told, 0.02 * _side(told))
     return barred
 
 
 def _side(mask: Mask) -> int:
     ys, xs = np.nonzero(mask)
     return 1 + max(int(np.ptp(ys)), int(np.ptp(xs)))
-
-
-def _grown(mask: Mask, share: float) -> Mask:
-    """All within so much of the mask's longer side: a square is as good as a disc, and far cheaper."""
-    r = max(1, round(share * _side(mask)))
-    kernel = np.ones((2 * r + 1, 1), np.uint8)
-    return np.asarray(cv2.dilate(cv2.dilate(mask.astype(np.uint8), kernel), kernel.T) > 0)
 
 
 def _eroded(mask: Mask) -> Mask:
@@ -256,9 +274,10 @@ def _eroded(mask: Mask) -> Mask:
 
 def _grained(rgb: NDArray[np.uint8], region: Mask, look: Look, seed: int) -> NDArray[np.uint8]:
     """The painted part with the photo's grain: copied patches were averaged, and so lost theirs."""
-    grain = look.grain(region.shape, seed)[..., None] * 0.7
-    noisy = np.clip(np.round(rgb + grain), 0, 255).astype(np.uint8)
-    return np.where(region[..., None], noisy, rgb)
+    grain = look.grain((region.shape[0], region.shape[1]), seed)[region] * np.float32(0.7)
+    noisy = rgb.copy()
+    noisy[region] = np.clip(np.round(rgb[region] + grain[:, None]), 0, 255).astype(np.uint8)
+    return noisy
 
 
 def _composed(
@@ -273,19 +292,20 @@ def _composed(
     """The finished picture and the (H, W) coverage; what neither model nor shadow touches stays as it is."""
     picture = background.copy()
     shaded = lost > 0
-    picture[shaded] = np.round(display(linear(background[shaded]) * (1.0 - lost[shaded])[:, None]))
+    left = np.float32(1.0) - lost[shaded].astype(np.float32)
+    picture[shaded] = np.round(display(linear(background[shaded]) * left[:, None]))
     # Without normals, as on glass seen edge on, the light is that of a surface facing the camera.
-    facing = np.where(np.any(surface.normals != 0, axis=-1, keepdims=True), surface.normals, (0.0, 0.0, -1.0))
-    lit = linear(surface.rgb) * light.on(facing)
+    normals = surface.normals
+    plain = ~normals.any(axis=-1)
+    normals[plain] = (0.0, 0.0, -1.0)
     alpha = surface.coverage[..., None]
-    premultiplied = _tone_mapped(lit) * alpha
+    drawn = np.concatenate([_tone_mapped(linear(surface.rgb) * light.on(normals)) * alpha, alpha], axis=-1)
     if look.blur > 0.1:
-        drawn = np.concatenate([premultiplied, alpha], axis=-1)
-        both = np.asarray(cv2.GaussianBlur(drawn, (0, 0), look.blur), np.float64)
-        premultiplied, alpha = both[..., :3], both[..., 3:]
+        drawn = np.asarray(cv2.GaussianBlur(drawn, (0, 0), look.blur), np.float32)
+    alpha = drawn[..., 3:]
     # Colour is toned before mixing, so that a monochrome photo stays so.
-    own = look.toned(display(premultiplied / np.maximum(alpha, 1e-4)))
-    own = own + look.grain(alpha.shape[:2], seed + 1)[..., None]
+    own = look.toned(display(drawn[..., :3] / np.maximum(alpha, 1e-4)))
+    own = own + look.grain((window.height, window.width), seed + 1)[..., None]
     rows, columns = window.slices
     behind = linear(picture[rows, columns])
     mixed = display(linear(np.clip(np.round(own), 0, 255).astype(np.uint8)) * alpha + behind * (1.0 - alpha))
@@ -296,10 +316,12 @@ def _composed(
     return picture, coverage
 
 
-def _tone_mapped(light: FloatArray) -> FloatArray:
+def _tone_mapped(light: NDArray[np.float32]) -> NDArray[np.float32]:
     """Bright light rolls off instead of burning out: straight up to 0.7, then towards 1."""
-    over = np.maximum(light - 0.7, 0.0)
-    return np.asarray(np.where(light > 0.7, 0.7 + 0.3 * (1.0 - np.exp(-over / 0.3)), light))
+    bright = light > 0.7
+    if bright.any():
+        light[bright] = 1.0 - np.float32(0.3) * np.exp((np.float32(0.7) - light[bright]) / np.float32(0.3))
+    return light
 
 
 def _annotated(annotation: Annotation, cad: CadModel, pose: Pose4Dof, covered: Mask) -> Annotation:

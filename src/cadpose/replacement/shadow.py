@@ -93,12 +93,10 @@ def darkening(shadow: GroundShadow, light: Light, pose: Pose4Dof, width: int, he
     )
     seen = np.clip(np.asarray(warped, np.float64), 0.0, 1.0)
     # Behind the horizon the plane would be seen from below; warping knows no front and back.
-    rows, columns = np.mgrid[0:height, 0:width] + 0.5
     cx, cy = pose.principal_px
-    rays = np.stack(
-        [(columns - cx) / pose.focal_px, (rows - cy) / pose.focal_px, np.ones_like(rows)], axis=-1
-    )
-    seen[rays @ up >= -1e-4] = 0.0
+    across = up[0] * (np.arange(width) + 0.5 - cx) / pose.focal_px
+    down = up[1] * (np.arange(height) + 0.5 - cy) / pose.focal_px
+    seen[across[None] + down[:, None] + up[2] >= -1e-4] = 0.0
     seen[seen < 1.0 / 512.0] = 0.0
     return seen
 

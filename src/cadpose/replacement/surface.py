@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.geometry.camera import Cameras
-from cadpose.geometry.frames import FloatArray
 from cadpose.library.mesh import Mesh
 from cadpose.rendering.lights import Lights
 from cadpose.rendering.raster import Rasteriser
@@ -25,13 +24,13 @@ class Surface:
     Attributes:
         rgb: (H, W, 3) uint8 sRGB, the materials' own colour.
         coverage: (H, W) float in [0, 1].
-        normals: (H, W, 3) float, towards the viewer, camera frame (x right, y down, z forward); zeros where
+        normals: (H, W, 3) float32, towards the viewer, camera frame (x right, y down, z forward); zeros where
             nothing was drawn.
     """
 
     rgb: NDArray[np.uint8]
-    coverage: FloatArray
-    normals: FloatArray
+    coverage: NDArray[np.float32]
+    normals: NDArray[np.float32]
 
 
 def surface_of(mesh: Mesh, cameras: Cameras, renderer: Rasteriser) -> Surface:
@@ -58,14 +57,14 @@ def surface_of(mesh: Mesh, cameras: Cameras, renderer: Rasteriser) -> Surface:
     normals = np.stack([sides[0] - sides[1], sides[2] - sides[3], -sides[4]], axis=-1)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     unit = np.where(length > 0.2, normals / np.maximum(length, 1e-6), 0.0)
-    return Surface(plain.rgb[0], plain.alpha[0] / 255.0, unit)
+    return Surface(plain.rgb[0], plain.alpha[0] / np.float32(255.0), unit.astype(np.float32))
 
 
 def _lit(
     renderer: Rasteriser, scene: Scene, cameras: Cameras, towards: tuple[float, float, float]
-) -> FloatArray:
+) -> NDArray[np.float32]:
     """(H, W) cosine between the normals and one direction, 0 where it is negative."""
 
     lamp = Lights(key=towards, key_strength=1.0, fill_strength=0.0, ambient=0.0, sky=0.0)
     seen = renderer.render_scene(scene, cameras, lamp)
-    return np.asarray((seen.rgb[0, ..., 0] / _WHITE) ** 2)
+    return np.asarray((seen.rgb[0, ..., 0] / np.float32(_WHITE)) ** 2)
