@@ -125,3 +125,10 @@ def test_a_photo_that_is_not_at_hand(served: Served) -> None:
     assert answer.headers["cache-control"] == "no-store"
     refused = served.get(f"/api/photos/{told['photo']['sha256']}/image", 404)
     assert "--photos" in refused["error"]
+
+
+def test_siblings_are_listed_as_they_stand(shared: Served, made: Made) -> None:
+    for document in made.documents:
+        sha256 = document.photo.sha256
+        standing = shared.desk.store.standing(sha256)
+        assert shared.desk.store.items(sha256) == [stored.item for stored in standing]
