@@ -16,16 +16,25 @@ export interface Twins {
 
 export const NO_TWINS: Twins = { key: "", name: "", continuous: false, R: [] };
 
+/** The item itself comes first. */
+const SOON_MS = 400;
+
 export class Models {
   readonly twins = signal<Twins>(NO_TWINS);
   private readonly known = new Map<string, Promise<Symmetry>>();
   private nextTwin = 0;
+  /** Key of the model whose symmetry is wanted. */
+  private asked = "";
+  private soon: ReturnType<typeof setTimeout> | undefined;
 
   constructor(private readonly review: Review) {
     effect(() => {
       const cad = review.draft.value?.cad;
-      if (!cad) this.twins.value = NO_TWINS;
-      else if (cad.key !== this.twins.peek().key) void this.learn(cad.key, cad.available);
+      if (cad?.key === this.asked) return;
+      clearTimeout(this.soon);
+      this.asked = cad?.key ?? "";
+      this.twins.value = NO_TWINS;
+      if (cad?.available) this.soon = setTimeout(() => void this.learn(cad.key), SOON_MS);
     });
   }
 
@@ -75,10 +84,8 @@ export class Models {
     this.nextTwin = R.length === 1 ? 0 : this.nextTwin + 1;
   }
 
-  private async learn(key: string, available: boolean): Promise<void> {
-    this.twins.value = { ...NO_TWINS, key: "" };
+  private async learn(key: string): Promise<void> {
     this.nextTwin = 0;
-    if (!available) return;
     let found = this.known.get(key);
     if (!found) {
       found = this.review.api.symmetry(key);
@@ -87,7 +94,7 @@ export class Models {
     }
     try {
       const { name, continuous, R } = await found;
-      if (this.review.draft.peek()?.cad.key === key) this.twins.value = { key, name, continuous, R };
+      if (this.asked === key) this.twins.value = { key, name, continuous, R };
     } catch {
       // Without it there are no twins to offer.
     }

@@ -16,6 +16,8 @@ export type Tab = "queue" | "adjust" | "models" | "info";
 
 /** So long a fetched item counts as fresh. */
 const FRESH_MS = 15_000;
+/** What is fetched ahead waits so long, so as not to hold up the item that is being opened. */
+const AHEAD_MS = 300;
 
 export class Review {
   readonly session = signal<Session | null>(null);
@@ -59,6 +61,7 @@ export class Review {
 
   /** Brings photo and model of an item into caches; the drawing part hangs itself in here. */
   warm: (detail: Detail) => void = () => undefined;
+  private soon: ReturnType<typeof setTimeout> | undefined;
   /** The refinement that is under way; leaving the item ends it. */
   snapping: AbortController | null = null;
   /** Puts the focus on the photo. */
@@ -133,7 +136,8 @@ export class Review {
     } finally {
       if (this.currentId.peek() === id) this.opening.value = false;
     }
-    void this.details.ahead(this.queue.around(id));
+    clearTimeout(this.soon);
+    this.soon = setTimeout(() => void this.details.ahead(this.queue.around(id)), AHEAD_MS);
   }
 
   /** What was fetched a while ago may have been decided on since. */
