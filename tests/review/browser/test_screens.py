@@ -135,3 +135,25 @@ def test_box_and_mask_are_drawn_and_stored(browser: Browser, six: str) -> None:
     desk.notice("Stored with your changes")
     told = desk.page.evaluate("async id => (await (await fetch('/api/annotations/' + id)).json())", item)
     assert told["history"][-1]["changed"] == ["region"]
+
+
+def test_dropped_files_are_taken_or_told_about(browser: Browser, six: str) -> None:
+    desk = browser.open(six, expected=("422",))
+    desk.drawn()
+    files = desk.page.evaluate_handle(
+        """() => {
+          const dropped = new DataTransfer();
+          dropped.items.add(new File(['no photo'], 'notes.txt'));
+          dropped.items.add(new File(['no photo either'], 'broken.jpg'));
+          return dropped;
+        }"""
+    )
+    desk.page.dispatch_event("body", "dragover", {"dataTransfer": files})
+    desk.page.wait_for_selector(".drop-zone")
+    desk.page.dispatch_event("body", "drop", {"dataTransfer": files})
+    desk.dialog("Add photos")
+    refused = desk.page.locator(".upload.failed")
+    refused.nth(1).wait_for()
+    assert desk.page.locator(".drop-zone").count() == 0
+    assert "JPEG" in refused.nth(0).inner_text()
+    assert "broken.jpg" in refused.nth(1).inner_text()

@@ -91,6 +91,13 @@ test("tells what is wrong with each file and goes on with the others", async () 
   expect(uploads.canRetry(list[3]?.key ?? 0)).toBe(false);
 });
 
+test("the same photo twice is one job and two lines that both end", async () => {
+  const server = new Server();
+  const uploads = new Uploads(server, { limit: 100, wait });
+  uploads.add([file("a.jpg"), file("a.jpg")]);
+  expect((await finish(uploads)).map((each) => each.state)).toEqual(["done", "done"]);
+});
+
 test("waits while the server is busy", async () => {
   const server = new Server();
   server.busyFor = 3;

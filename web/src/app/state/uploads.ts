@@ -36,7 +36,8 @@ export function isPicture(name: string): boolean {
 export class Uploads {
   list: Upload[] = [];
   private readonly files = new Map<number, Blob>();
-  private readonly jobs = new Map<string, number>();
+  /** Job of each photo; the same photo twice has one job. */
+  private readonly jobs = new Map<number, string>();
   private nextKey = 1;
   private sending = 0;
   private polling = false;
@@ -63,9 +64,8 @@ export class Uploads {
 
   /** Follows a job that was begun otherwise: the example photo. */
   follow(job: Job): void {
-    const known = this.jobs.get(job.id);
-    const key = known ?? this.enter(job.name);
-    this.jobs.set(job.id, key);
+    const key = this.enter(job.name);
+    this.jobs.set(key, job.id);
     this.take(key, job);
     void this.poll();
   }
@@ -127,7 +127,7 @@ export class Uploads {
     for (let attempt = 1; ; attempt++) {
       try {
         const job = await this.api.upload(upload.name, blob);
-        this.jobs.set(job.id, upload.key);
+        this.jobs.set(upload.key, job.id);
         this.take(upload.key, job);
         void this.poll();
         return;
@@ -155,14 +155,14 @@ export class Uploads {
         try {
           const jobs = new Map((await this.api.jobs()).map((job) => [job.id, job]));
           misses = 0;
-          for (const [id, key] of this.open()) {
+          for (const [key, id] of this.open()) {
             const job = jobs.get(id);
             if (job) this.take(key, job);
             else this.set(key, { state: "failed", error: "The server knows nothing of this photo any more." });
           }
         } catch (error) {
           if (++misses < TRIES && error instanceof ApiError && error.passing) continue;
-          for (const [, key] of this.open()) this.set(key, { state: "failed", error: sentence(error) });
+          for (const [key] of this.open()) this.set(key, { state: "failed", error: sentence(error) });
         }
       }
     } finally {
@@ -170,9 +170,9 @@ export class Uploads {
     }
   }
 
-  private open(): [string, number][] {
+  private open(): [number, string][] {
     const states = new Map(this.list.map((each) => [each.key, each.state]));
-    return [...this.jobs].filter(([, key]) => states.get(key) === "queued" || states.get(key) === "running");
+    return [...this.jobs].filter(([key]) => states.get(key) === "queued" || states.get(key) === "running");
   }
 
   private take(key: number, job: Job): void {
