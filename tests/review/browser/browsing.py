@@ -14,6 +14,8 @@ from typing import Any
 
 from tests.annotations.scenes.viewer import FLAGS, PACKAGES, chromium
 
+# Without a graphics card the photo is drawn by WebGL on the CPU; painting the rest of the page so is slow.
+_FLAGS = [*FLAGS, "--disable-gpu-rasterization"]
 _REVIEW = "from cadpose.cli.main import main; main()"
 AXE = PACKAGES / "axe-core" / "axe.min.js"
 STATIC = Path(__file__).parents[3] / "src" / "cadpose" / "review" / "static"
@@ -109,7 +111,7 @@ def browsing() -> Iterator[Browser]:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
+        started = playwright.chromium.launch(executable_path=chromium(), args=_FLAGS)
         browser = Browser(started)
         try:
             yield browser
