@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import io
+import struct
+import time
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -83,3 +86,26 @@ def test_nesting_has_an_end(tmp_path: Path) -> None:
     path.write_bytes(written(value))
     with pytest.raises(InputError, match="nested too deeply"):
         read_struct(path, "record")
+
+
+def test_a_struct_of_very_many_fields_is_refused_at_once(tmp_path: Path) -> None:
+    # The empty struct holds no value that could be counted, but its names alone fill what may be unpacked.
+    path = tmp_path / "a.mat"
+    data = written({"abc": 1.0})
+    names = b"a" * (16 * 2**20)
+    at = data.index(b"record")
+    head = data[: at + 8]
+    start = head.rindex(struct.pack("<I", 14))
+    length = struct.pack("<HHI", 5, 4, 1)
+    body = head[start + 8 :] + length + struct.pack("<II", 1, len(names)) + names
+    path.write_bytes(data[:128] + _packed(struct.pack("<II", 14, len(body)) + body))
+    assert path.stat().st_size < 100_000
+    begun = time.monotonic()
+    with pytest.raises(InputError, match="more than 1000 fields"):
+        read_struct(path, "record")
+    assert time.monotonic() - begun < 5.0
+
+
+def _packed(element: bytes) -> bytes:
+    packed = zlib.compress(element)
+    return struct.pack("<II", 15, len(packed)) + packed

@@ -24,6 +24,8 @@ MAX_UNPACKED = 64 * 2**20
 MAX_DEPTH = 12
 #: A number takes a byte in the file and some thirty in memory: so many values, fields and texts are kept.
 MAX_VALUES = 1_000_000
+#: Fields of one struct.
+MAX_FIELDS = 1000
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
 #: Types of numbers, by their code.
@@ -164,6 +166,9 @@ class _Reader:
         _, text = self.element(data)
         if not 1 <= each <= 64:
             raise ValueError("a struct's fields have no names")
+        if len(text) > MAX_FIELDS * each:
+            raise ValueError(f"a struct has more than {MAX_FIELDS} fields")
+        self.spend(len(text) // each)
         pieces = [bytes(text[i : i + each]) for i in range(0, len(text) - each + 1, each)]
         return [piece.partition(b"\0")[0].decode("latin-1") for piece in pieces]
 

@@ -45,7 +45,7 @@ def test_a_store_that_nobody_looked_at(store: Store) -> None:
     assert (told.total, told.decided, told.authors, told.days) == (4, 0, (), ())
     assert told.by_verdict == {"review": 4}
     assert told.between_people == PeopleAgree(0, None, None)
-    assert told.with_machine == MachineAgrees(0, 0, 0, 0, 0, 0)
+    assert told.with_machine == MachineAgrees(0, 0, 0, 0)
 
 
 def test_progress_pace_and_agreement(store: Store, at: Clock) -> None:
@@ -79,4 +79,4 @@ def test_progress_pace_and_agreement(store: Store, at: Clock) -> None:
         (machine.error_to(pose(20.0).rotation), pose(50.0).rotation.error_to(pose(57.0).rotation))
     )
     assert told.between_people.median_rotation_deg == pytest.approx(sum(angles) / 2)
-    assert told.with_machine == MachineAgrees(3, 1, 2, 0, 0, 0)
+    assert told.with_machine == MachineAgrees(3, 1, 2, 0)

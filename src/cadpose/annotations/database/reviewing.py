@@ -63,16 +63,12 @@ class MachineAgrees:
         accepted_unchanged: As they were.
         edited: After a change.
         rejected: Not to be used.
-        trusted_decided: Those of ``decided`` that the machine had said could be used unseen.
-        trusted_kept: Those of them that people accepted unchanged.
     """
 
     decided: int
     accepted_unchanged: int
     edited: int
     rejected: int
-    trusted_decided: int
-    trusted_kept: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,28 +102,39 @@ def reviewing(connection: sa.Connection, now: datetime | None = None) -> Reviewi
     number = sa.func.count()
     verdicts = sa.select(sa.func.coalesce(a.verdict, UNDECIDED), number).where(holding).group_by(a.verdict)
     by_verdict = {str(name): int(count) for name, count in connection.execute(verdicts)}
-    names = ("annotation_id", "author", "decided_at", "verdict", "pose_before", "pose_after")
-    query = sa.select(*(d[name] for name in names)).where(d.kind == "human")
-    made = fetch(connection, query.order_by(d.decided_at, d.id))
-    settled = sa.select(a.verdict, a.machine_verdict, a.edit.is_not(None), number).where(human)
-    rows = connection.execute(settled.group_by(a.verdict, a.machine_verdict, a.edit.is_not(None))).all()
-    with_machine = _with_machine([(r[0], r[1], bool(r[2]), int(r[3])) for r in rows])
-    days = Counter(row["decided_at"].date().isoformat() for row in made)
+    made = connection.execute(
+        sa.select(d.author, d.decided_at).where(d.kind == "human").order_by(d.decided_at, d.id)
+    ).all()
+    edited = a.edit.is_not(None)
+    settled = sa.select(a.verdict, edited, number).where(human).group_by(a.verdict, edited)
+    with_machine = _with_machine([(row[0], bool(row[1]), int(row[2])) for row in connection.execute(settled)])
+    days = Counter(moment.date().isoformat() for _, moment in made)
     return Reviewing(
         total=sum(by_verdict.values()),
         decided=with_machine.decided,
         by_verdict=by_verdict,
-        authors=_paces(made, now or datetime.now(UTC)),
+        authors=_paces([(author, moment) for author, moment in made], now or datetime.now(UTC)),
         days=tuple(sorted(days.items())),
-        between_people=_between_people(made),
+        between_people=_between_people(_of_several_people(connection)),
         with_machine=with_machine,
     )
 
 
-def _paces(made: Sequence[Mapping[str, Any]], now: datetime) -> tuple[Pace, ...]:
+def _of_several_people(connection: sa.Connection) -> list[dict[str, Any]]:
+    """What people settled where more than one did: poses are read of few annotations."""
+    d = t.DECISIONS.c
+    word = sa.and_(d.kind == "human", d.verdict.in_(SETTLING))
+    several = sa.select(d.annotation_id).where(word).group_by(d.annotation_id)
+    several = several.having(sa.func.count(d.author.distinct()) > 1)
+    names = ("annotation_id", "author", "verdict", "pose_before", "pose_after")
+    query = sa.select(*(d[name] for name in names)).where(word, d.annotation_id.in_(several))
+    return fetch(connection, query.order_by(d.decided_at, d.id))
+
+
+def _paces(made: Sequence[tuple[str, datetime]], now: datetime) -> tuple[Pace, ...]:
     moments: dict[str, list[datetime]] = defaultdict(list)
-    for row in made:
-        moments[row["author"]].append(row["decided_at"])
+    for author, moment in made:
+        moments[author].append(moment)
     paces = []
     for author, times in moments.items():
         gaps = [(b - a).total_seconds() for a, b in pairwise(times) if b - a <= PAUSE]
@@ -139,9 +146,8 @@ def _paces(made: Sequence[Mapping[str, Any]], now: datetime) -> tuple[Pace, ...]
 def _between_people(made: Sequence[Mapping[str, Any]]) -> PeopleAgree:
     words: dict[str, dict[str, tuple[str, Any]]] = defaultdict(dict)
     for row in made:
-        if row["verdict"] in SETTLING:
-            left = row["pose_after"] or row["pose_before"]
-            words[row["annotation_id"]][row["author"]] = row["verdict"], left
+        left = row["pose_after"] or row["pose_before"]
+        words[row["annotation_id"]][row["author"]] = row["verdict"], left
     same, angles, pairs = 0, [], 0
     for said in words.values():
         for (one, pose), (other, other_pose) in combinations(said.values(), 2):
@@ -152,20 +158,9 @@ def _between_people(made: Sequence[Mapping[str, Any]]) -> PeopleAgree:
     return PeopleAgree(pairs, same / pairs if pairs else None, median(angles) if angles else None)
 
 
-def _with_machine(rows: Sequence[tuple[str, str | None, bool, int]]) -> MachineAgrees:
-    """Of (verdict, machine's verdict, whether edited, how many)."""
-    trusted = [row for row in rows if row[1] == "auto_accept"]
-
-    def unchanged(some: Sequence[tuple[str, str | None, bool, int]]) -> int:
-        return sum(count for verdict, _, edit, count in some if verdict == "accept" and not edit)
-
-    rejected = sum(row[3] for row in rows if row[0] == "reject")
-    decided = sum(row[3] for row in rows)
-    return MachineAgrees(
-        decided=decided,
-        accepted_unchanged=unchanged(rows),
-        edited=decided - rejected - unchanged(rows),
-        rejected=rejected,
-        trusted_decided=sum(row[3] for row in trusted),
-        trusted_kept=unchanged(trusted),
-    )
+def _with_machine(rows: Sequence[tuple[str, bool, int]]) -> MachineAgrees:
+    """Of (verdict, whether edited, how many)."""
+    unchanged = sum(count for verdict, edit, count in rows if verdict == "accept" and not edit)
+    rejected = sum(count for verdict, _, count in rows if verdict == "reject")
+    decided = sum(count for _, _, count in rows)
+    return MachineAgrees(decided, unchanged, decided - rejected - unchanged, rejected)
