@@ -59,6 +59,20 @@ def test_a_changed_file_is_no_longer_it(files: PhotoFiles, tmp_path: Path) -> No
         files.read(sha256, "a.png")
 
 
+def test_a_photo_that_moves_is_found_again(
+    files: PhotoFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(photo_files, "FRESH", 0.0)
+    place, renamed = tmp_path / "photos" / "a.png", tmp_path / "photos" / "in" / "b.png"
+    sha256 = put(place)
+    assert files.path(sha256, "a.png") == place
+    renamed.parent.mkdir()
+    for old, new in ((place, renamed), (renamed, place.with_name("c.png"))):
+        old.rename(new)
+        assert files.path(sha256, "a.png", patience=10.0) == new
+        assert files.read(sha256, "a.png").sha256 == sha256
+
+
 def test_nothing_outside_is_given(files: PhotoFiles, tmp_path: Path) -> None:
     secret = tmp_path / "secret.png"
     sha256 = put(secret)

@@ -58,8 +58,8 @@ class PhotoFiles:
             patience: Seconds to wait for the folders to be walked through.
             walk: Whether they are, where the name leads nowhere.
         """
-        known = self._found.get(sha256)
-        if known is not None and self._is(known, sha256):
+        known = self._known(sha256)
+        if known is not None:
             return known
         for path in self._named(sha256, name):
             if self._is(path, sha256):
@@ -68,8 +68,7 @@ class PhotoFiles:
         walking = self._walking() if walk else None
         if walking is not None and patience > 0.0:
             walking.join(patience)
-        known = self._found.get(sha256)
-        return known if known is not None and self._is(known, sha256) else None
+        return self._known(sha256)
 
     def read(self, sha256: str, name: str) -> Photo:
         """The decoded photo.
@@ -84,6 +83,15 @@ class PhotoFiles:
                 f"the photo {name} is not at hand: start `cadpose review` with --photos and its folder"
             )
         return photo
+
+    def _known(self, sha256: str) -> Path | None:
+        """Where it was found before; that is forgotten once the file is gone, so that a walk finds it anew."""
+        known = self._found.get(sha256)
+        if known is None or self._is(known, sha256):
+            return known
+        if self._found.get(sha256) == known:
+            self._found.pop(sha256, None)
+        return None
 
     def _named(self, sha256: str, name: str) -> Iterator[Path]:
         """Places where a photo of that name may lie."""
@@ -141,7 +149,7 @@ class PhotoFiles:
                     return
                 digest = self._digest(path) if self._inside(path) else ""
                 if digest:
-                    self._found.setdefault(digest, path)
+                    self._found[digest] = path
         finally:
             self._walked = time.monotonic()
 
