@@ -232,9 +232,13 @@ def test_what_cannot_be_loaded_is_told(shown: ViewPage) -> None:
 def test_the_last_of_two_models_is_shown(shown: ViewPage, small_library: Library) -> None:
     for name in ("made/car/hatch.obj", "made/chair/plain.obj"):
         shown.files[f"/{name}"] = partial(single_mesh_glb, small_library.mesh(name))
-    shown.page.evaluate("Promise.all([view.setModel('/made/car/hatch.obj'), view.setModel('/made/chair/plain.obj')])")
+    shown.page.evaluate(
+        "Promise.all([view.setModel('/made/car/hatch.obj'), view.setModel('/made/chair/plain.obj')])"
+    )
     wanted = (
-        Rasteriser().render(small_library.mesh("made/chair/plain.obj"), POSE.to_cameras(WIDTH, HEIGHT)).mask[0]
+        Rasteriser()
+        .render(small_library.mesh("made/chair/plain.obj"), POSE.to_cameras(WIDTH, HEIGHT))
+        .mask[0]
     )
     assert (shown.silhouette() ^ wanted).sum() < 0.005 * wanted.sum()
 
