@@ -74,8 +74,7 @@ class Client(threading.Thread):
         if number % 2:
             self.heads["authorization"] = f"Bearer {token}"
         else:  # as a browser does
-            port = self.host.rpartition(":")[2]
-            self.heads |= {"cookie": f"cadpose_review_{port}={token}", "origin": base}
+            self.heads |= {"cookie": cookie_of(self.host, token), "origin": base}
         self.number, self.requests, self.ids, self.every = number, requests, ids, every
         self.random, self.seen, self.count = random.Random(number), Seen(), 0
         self.connection = http.client.HTTPConnection(self.host, timeout=120)
@@ -143,6 +142,16 @@ class Client(threading.Thread):
 
     def do_stats(self) -> None:
         self.ask("stats", self.random.choice(("/api/stats", "/api/session")))
+
+
+def cookie_of(host: str, token: str) -> str:
+    """What the server gives a browser for the token."""
+    connection = http.client.HTTPConnection(host, timeout=120)
+    try:
+        connection.request("GET", f"/?token={token}")
+        return str(connection.getresponse().headers["set-cookie"]).partition(";")[0]
+    finally:
+        connection.close()
 
 
 def made_document(number: int) -> AnnotationDocument:

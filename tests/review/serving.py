@@ -89,7 +89,7 @@ def serve(
     )
     client = TestClient(make_app(desk, access()), base_url=ORIGIN, raise_server_exceptions=raising)
     client.headers["origin"] = ORIGIN
-    client.cookies.set(f"cadpose_review_{PORT}", TOKEN)
+    client.cookies.set(f"cadpose_review_{PORT}", access().cookie_value)
     return Served(desk, client, url)
 
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import socket
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 from starlette.testclient import TestClient
 
+from cadpose.errors import CadposeError
 from cadpose.photos import MAX_BYTES
 from cadpose.review.security import CONTENT_SECURITY_POLICY, MAX_JSON_BYTES, allowed_hosts
-from cadpose.review.server import is_loopback
-from tests.review.serving import ORIGIN, PORT, TOKEN, Served
+from cadpose.review.server import is_loopback, open_socket
+from tests.review.serving import ORIGIN, PORT, TOKEN, Served, access
 
-_COOKIE = f"cadpose_review_{PORT}={TOKEN}"
+_COOKIE = f"cadpose_review_{PORT}={access().cookie_value}"
 
 
 def ask(shared: Served, method: str, path: str, **heads: str | None) -> Any:
@@ -46,7 +49,10 @@ def test_without_the_token_there_is_one_sentence(shared: Served, path: str) -> N
     [
         {},
         {"cookie": f"cadpose_review_{PORT}=wrong"},
-        {"cookie": f"other={TOKEN}"},
+        {"cookie": f"other={access().cookie_value}"},
+        # Neither of the two secrets stands for the other.
+        {"cookie": f"cadpose_review_{PORT}={TOKEN}"},
+        {"authorization": f"Bearer {access().cookie_value}"},
         {"cookie": "\x00=;;"},
         {"authorization": "Bearer wrong"},
         {"authorization": f"Basic {TOKEN}"},
@@ -60,6 +66,20 @@ def test_the_api_needs_the_token(shared: Served, heads: dict[str, str]) -> None:
     assert answer.status_code == 401 and answer.json()["kind"] == "forbidden"
     # Nor does the token in the address open the API.
     assert ask(shared, "GET", f"/api/session?token={TOKEN}").status_code == 401
+
+
+def test_the_cookie_is_no_token(shared: Served) -> None:
+    assert ask(shared, "GET", f"/?token={access().cookie_value}").status_code == 401
+    assert TOKEN not in access().cookie_value and len(access().cookie_value) == 64
+
+
+@pytest.mark.parametrize(
+    "other", ['a={"x":1}', "a=b c", "[x]=1", "theme", "=", "a=b=c", 'q="; x', "expires=Mon, 1 Jan", "ü=ü", ""]
+)
+def test_cookies_of_other_programs_do_not_matter(shared: Served, other: str) -> None:
+    for line in (f"{other}; {_COOKIE}", f"{_COOKIE}; {other}", f"{other};{_COOKIE} ;{other}"):
+        raw: Any = line.encode()
+        assert ask(shared, "GET", "/api/session", cookie=raw).status_code == 200
 
 
 def test_a_bearer_needs_no_origin(shared: Served) -> None:
@@ -187,3 +207,34 @@ def test_host_names() -> None:
     assert allowed_hosts(["localhost"], 80) == {"localhost", "localhost:80"}
     assert all(map(is_loopback, ("127.0.0.1", "127.8.0.1", "::1", "localhost")))
     assert not any(map(is_loopback, ("0.0.0.0", "::", "10.0.0.1", "box", "")))
+
+
+@pytest.mark.parametrize(
+    ("host", "shown"),
+    [
+        ("127.0.0.1", "127.0.0.1"), ("127.0.0.2", "127.0.0.2"), ("LocalHost", "localhost"),
+        ("::1", "[::1]"), ("0:0:0:0:0:0:0:1", "[::1]"), ("0000::0001", "[::1]"), ("0.0.0.0", "127.0.0.1"),
+    ],
+)  # fmt: skip
+def test_the_address_that_is_printed_is_served(host: str, shown: str) -> None:
+    try:
+        opened = open_socket(host, 0)
+    except CadposeError as error:
+        pytest.skip(f"this machine has no {host}: {error}")
+    with opened.listener:
+        place = urlsplit(opened.url).netloc
+        assert place == f"{shown}:{opened.listener.getsockname()[1]}"
+        assert place in opened.access.hosts
+
+
+def test_addresses_in_capitals_are_served(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bound to another address, as no machine has this one."""
+    bind = socket.socket.bind
+    monkeypatch.setattr(socket.socket, "bind", lambda self, place: bind(self, ("::1", 0)))
+    try:
+        opened = open_socket("FD00:0:0::00AB", 0)
+    except CadposeError as error:
+        pytest.skip(f"this machine has no IPv6: {error}")
+    with opened.listener:
+        place = urlsplit(opened.url).netloc
+        assert place.startswith("[fd00::ab]:") and place in opened.access.hosts

@@ -6,11 +6,11 @@ Sec-Fetch-Site (against other pages' requests), sizes of bodies, and the headers
 
 from __future__ import annotations
 
+import hashlib
 import hmac
 import logging
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs
 
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
@@ -46,7 +46,7 @@ class Access:
     """Who is let in.
 
     Attributes:
-        token: The secret of this start.
+        token: The secret of this start, as the address and scripts tell it.
         hosts: What the Host header may say, ports included.
         cookie: Name of the cookie: cookies are shared by all ports of a host.
     """
@@ -58,6 +58,15 @@ class Access:
     def is_token(self, told: str) -> bool:
         """Compared in a time that tells nothing."""
         return hmac.compare_digest(told.encode(errors="replace"), self.token.encode())
+
+    @property
+    def cookie_value(self) -> str:
+        """Another secret than the token: servers on other ports of this host are sent the cookie too."""
+        return hmac.new(self.token.encode(), b"cadpose review cookie", hashlib.sha256).hexdigest()
+
+    def is_cookie_value(self, told: str) -> bool:
+        """Compared in a time that tells nothing."""
+        return hmac.compare_digest(told.encode(errors="replace"), self.cookie_value.encode())
 
 
 class Guard:
@@ -134,7 +143,9 @@ class Guard:
         if not self.access.is_token(token):
             return PlainTextResponse("This token is not the one of this start of `cadpose review`.\n", 401)
         answer = RedirectResponse("/", 303)
-        answer.set_cookie(self.access.cookie, self.access.token, path="/", httponly=True, samesite="strict")
+        answer.set_cookie(
+            self.access.cookie, self.access.cookie_value, path="/", httponly=True, samesite="strict"
+        )
         return answer
 
     def _bearer(self, heads: _Heads) -> bool:
@@ -145,12 +156,10 @@ class Guard:
         return scheme.lower() == "bearer" and self.access.is_token(token.strip())
 
     def _has_cookie(self, heads: _Heads) -> bool:
-        for line in heads.all(b"cookie"):
-            try:
-                morsel = SimpleCookie(line).get(self.access.cookie)
-            except CookieError:
-                continue
-            if morsel is not None and self.access.is_token(morsel.value):
+        # As browsers do it: other programs' cookies on this host may be anything between two semicolons.
+        for piece in ";".join(heads.all(b"cookie")).split(";"):
+            name, _, value = piece.partition("=")
+            if name.strip() == self.access.cookie and self.access.is_cookie_value(value.strip()):
                 return True
         return False
 

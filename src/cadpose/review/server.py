@@ -74,7 +74,7 @@ def open_socket(host: str, port: int) -> Opened:
     port = int(listener.getsockname()[1])
     token = secrets.token_urlsafe(32)
     access = Access(token, allowed_hosts(_names(host), port), f"cadpose_review_{port}")
-    shown = "127.0.0.1" if _is_wildcard(host) else host
+    shown = "127.0.0.1" if _is_wildcard(host) else _plain(host)
     where = f"[{shown}]" if ":" in shown else shown
     return Opened(listener, access, f"http://{where}:{port}/?token={token}")
 
@@ -121,13 +121,21 @@ class _Server(uvicorn.Server):
 
 def _names(host: str) -> set[str]:
     """What the Host header may say of the machine."""
-    names = {*LOOPBACK} if is_loopback(host) else {*LOOPBACK, host}
+    names = {*LOOPBACK, _plain(host)}
     if _is_wildcard(host):
         name = socket.gethostname()
         names |= {name, socket.getfqdn()}
         with suppress(OSError):
             names |= {str(entry[4][0]) for entry in socket.getaddrinfo(name, None)}
     return names
+
+
+def _plain(host: str) -> str:
+    """An address as browsers write it: IPv6 short and in small letters."""
+    try:
+        return str(ipaddress.ip_address(host))
+    except ValueError:
+        return host.lower()
 
 
 def _is_wildcard(host: str) -> bool:
