@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from PIL import Image
 from cadpose.review.answers import AnnotationAnswer, QueueAnswer, SessionAnswer
 from cadpose.rle import decode_mask, runs_from_text
 from tests.annotations.formats.made import Made
-from tests.review.serving import Served
+from tests.review.serving import Served, serve
 
 
 def test_the_session(shared: Served, made: Made) -> None:
@@ -113,6 +114,15 @@ def test_a_thumbnail(shared: Served) -> None:
         assert answer.status_code == 200 and "immutable" in answer.headers["cache-control"]
         picture = np.asarray(Image.open(io.BytesIO(answer.content)))
         assert picture.shape == (96, 96, 3)
+
+
+def test_a_thumbnail_without_its_model_is_not_kept(tmp_path: Path, made: Made) -> None:
+    served = serve(tmp_path, None, made)
+    try:
+        answer = served.client.get(served.get("/api/queue")["items"][0]["thumb"])
+        assert answer.status_code == 200 and answer.headers["cache-control"] == "no-store"
+    finally:
+        served.close()
 
 
 def test_a_photo_that_is_not_at_hand(served: Served) -> None:

@@ -81,7 +81,8 @@ def item_routes(desk: Desk) -> APIRouter:
             picture = desk.pictures.made(key, draw)
         except (InputError, ValueError):
             return Response(missing_png(), 404, media_type="image/png")
-        return Response(picture, media_type="image/jpeg", headers=KEEP)
+        # Without its model the picture is not the last word: a library may be opened later.
+        return Response(picture, media_type="image/jpeg", headers=KEEP if mesh is not None else None)
 
     return routes
 
