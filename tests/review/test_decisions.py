@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from cadpose.annotations.document import document_from
 from cadpose.library.catalogue import Library
+from cadpose.poses import Rotation
 from cadpose.review.answers import AnnotationAnswer, DecisionAnswer
 from cadpose.rle import encode_mask, text_from_runs
 from tests.annotations.formats.made import Made
@@ -100,11 +106,94 @@ def test_somebody_was_first(served: Served) -> None:
     decide(served, key, author="Bea")
     told = decide(served, key, 409, verdict="reject", author="Cyd")
     assert told["kind"] == "conflict" and "Bea" in told["error"]
-    assert told["current"] == {"version": 2, "verdict": "accept", "by": "Bea"}
+    assert told["current"] == {"version": 2, "in_force": True, "verdict": "accept", "by": "Bea"}
     assert detail(served, key).verdict == "accept"
     assert decide(served, key, 409, version=7)["current"]["version"] == 2
     decide(served, key, verdict="reject", author="Cyd", version=2)
     assert detail(served, key).verdict == "reject"
+
+
+def run_again(served: Served, key: str) -> None:
+    """Another run finds the objects of that photo, each turned the other way."""
+    found = served.desk.stored(key)
+    photo = served.desk.photo(found.item.photo_sha256, found.item.photo_name)
+    document = served.desk.store.document(photo.sha256, original=True)
+    assert document is not None
+    turned = [
+        replace(one, pose=replace(one.pose, rotation=Rotation(one.pose.rotation.azimuth + 120.0, 8.0)))
+        for one in document.to_annotations()
+    ]
+    served.desk.store.add(document_from(replace(photo, name=found.item.photo_name), turned))
+
+
+def test_another_run_took_its_place(served: Served) -> None:
+    key = served.ids()[0]
+    run_again(served, key)
+    told = decide(served, key, 409)
+    assert told["current"]["in_force"] is False and "load the photo again" in told["error"]
+    assert decide(served, key, 409, version=told["current"]["version"])["current"] == told["current"]
+
+
+def test_another_run_comes_right_behind(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The decision was stored, so it is answered as such."""
+    key, store = served.ids()[0], served.desk.store
+    storing = store.decide
+
+    def followed(*arguments: Any, **words: Any) -> int:
+        version = storing(*arguments, **words)
+        run_again(served, key)
+        return version
+
+    monkeypatch.setattr(store, "decide", followed)
+    answer = decide(served, key, verdict="review")
+    assert answer["version"] == 2 and answer["item"]["id"] == key
+    assert not detail(served, key).in_force and detail(served, key).history[-1].verdict == "review"
+
+
+REQUEST = "0123456789abcdef" * 2
+
+
+def test_the_same_request_again_gets_the_same_answer(served: Served) -> None:
+    key, other = served.ids()[:2]
+    first = decide(served, key, request_id=REQUEST)
+    assert decide(served, key, request_id=REQUEST) == first
+    # Also after somebody else's word, since it is the answer of then; and it is stored once.
+    decide(served, key, verdict="reject", version=2, author="Cyd")
+    assert decide(served, key, request_id=REQUEST) == first
+    assert [d.verdict for d in detail(served, key).history if d.kind == "human"] == ["accept", "reject"]
+    # Another request, and the same name at another annotation, are told apart.
+    assert decide(served, key, 409, request_id=REQUEST[::-1])["kind"] == "conflict"
+    assert decide(served, key, 409)["kind"] == "conflict"
+    assert decide(served, other, request_id=REQUEST)["item"]["id"] == other
+
+
+def test_a_refused_request_is_not_remembered(served: Served) -> None:
+    key = served.ids()[0]
+    decide(served, key, 409, version=7, request_id=REQUEST)
+    decide(served, key, 422, verdict="edit", request_id=REQUEST)
+    assert decide(served, key, request_id=REQUEST)["version"] == 2
+
+
+def test_the_same_request_while_the_first_is_stored(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    key, store = served.ids()[0], served.desk.store
+    storing, stored, go_on = store.decide, threading.Event(), threading.Event()
+
+    def held(*arguments: Any, **words: Any) -> int:
+        version = storing(*arguments, **words)
+        stored.set()
+        go_on.wait(10)
+        return version
+
+    monkeypatch.setattr(store, "decide", held)
+    # One event loop for both, as in a server.
+    with served.client, ThreadPoolExecutor(2) as pool:
+        first = pool.submit(decide, served, key, request_id=REQUEST)
+        assert stored.wait(10)
+        second = pool.submit(decide, served, key, request_id=REQUEST)
+        time.sleep(0.3)
+        assert not second.done()
+        go_on.set()
+        assert first.result(10) == second.result(10)
 
 
 def test_without_a_library_an_edit_is_not_measured(tmp_path: Any, made: Made) -> None:
@@ -156,6 +245,8 @@ _POSE = {
         {"author": "x" * 201},
         {"note": "x" * 10_001},
         {"other": 1},
+        {"request_id": "0" * 31},
+        {"request_id": "G" * 32},
         {"verdict": "edit", "pose": _POSE | {"focal_px": 0.0}},
         {"verdict": "edit", "pose": _POSE | {"focal_px": 1e9}},
         {"verdict": "edit", "pose": _POSE | {"elevation": 91.0}},
@@ -203,6 +294,11 @@ def test_statistics(served: Served) -> None:
         decide(served, key, verdict=("accept", "reject", "skip")[number])
     told = served.get("/api/stats")
     assert told["total"] == 4 and told["decided"] == 2
+    assert served.get("/api/progress") == {"total": 4, "decided": 2}
+    # Sent back for another look it is not decided any more, nor is what a program says.
+    decide(served, served.ids()[0], verdict="review", version=2)
+    assert served.get("/api/progress") == {"total": 4, "decided": 1}
+    assert served.get("/api/stats")["decided"] == 1
     assert [(a["author"], a["decisions"], a["last_hour"]) for a in told["authors"]] == [("Bea", 3, 3)]
     assert sum(day["decisions"] for day in told["days"]) == 3
     assert told["agreement"]["with_machine"]["accepted_unchanged"] == 1

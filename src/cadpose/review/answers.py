@@ -278,6 +278,13 @@ class ReplaceAnswer(Shape):
     seconds: float
 
 
+class ProgressAnswer(Shape):
+    """How many annotations there are, and on how many a person has decided."""
+
+    total: int
+    decided: int
+
+
 class AuthorTold(Shape):
     """One person's pace."""
 

@@ -13,12 +13,19 @@ from cadpose.records import CadModel, Pose4Dof
 from cadpose.review.answers import DecisionAnswer, Item
 from cadpose.review.desk import Desk
 from cadpose.review.items import AnnotationId
+from cadpose.review.kept import Kept
 from cadpose.review.refusals import RefusedError
 from cadpose.review.shapes import CurrentShape, Long, PoseShape, RegionShape, Shape, Short
 
+#: Answers that are kept for a page that asks again because it did not get one.
+MOST_ANSWERS = 4096
+
 
 class DecisionBody(Shape):
-    """A decision; ``edit`` is accepting with changes, and takes at least one of the last three."""
+    """A decision; ``edit`` is accepting with changes, and takes at least one of pose, model and region.
+
+    ``request_id`` is the page's own name for it: sent once more, it gets the first answer again.
+    """
 
     verdict: Literal["accept", "reject", "edit", "review", "skip"]
     version: Annotated[int, Field(ge=0)]
@@ -28,16 +35,27 @@ class DecisionBody(Shape):
     pose: PoseShape | None = None
     cad_id: Annotated[str, Field(max_length=2000)] | None = None
     region: RegionShape | None = None
+    request_id: Annotated[str, Field(pattern="^[0-9a-f]{32}$")] | None = None
 
 
 def decision_routes(desk: Desk) -> APIRouter:
     """``POST /api/annotations/{id}/decisions``."""
     routes = APIRouter()
+    answers: Kept[DecisionAnswer] = Kept(MOST_ANSWERS, lambda answer: 1)
+
+    def told_before(annotation_id: str, body: DecisionBody) -> DecisionAnswer | None:
+        return answers.get(f"{annotation_id} {body.request_id}")
 
     @routes.post("/annotations/{annotation_id}/decisions")
     def decide(annotation_id: AnnotationId, body: DecisionBody) -> DecisionAnswer:
         found = desk.stored(annotation_id)
         if not found.item.in_force or found.item.version != body.version:
+            if body.request_id is not None:
+                # Under the lock: the same request's first try may be storing its decision just now.
+                with desk.writing():
+                    known = told_before(annotation_id, body)
+                if known is not None:
+                    return known
             raise conflict(desk, annotation_id)
         size = found.item.photo_size
         pose = None if body.pose is None else body.pose.pose(size)
@@ -46,8 +64,8 @@ def decision_routes(desk: Desk) -> APIRouter:
         if (pose, cad, region) != (None, None, None) and body.verdict != "edit":
             raise InputError(f"the verdict {body.verdict} takes no changes: say edit")
         measures = measured(desk, found, pose, cad, region) if body.verdict == "edit" else None
-        try:
-            with desk.writing():
+        with desk.writing():
+            try:
                 version = desk.store.decide(
                     annotation_id,
                     body.verdict,
@@ -60,11 +78,17 @@ def decision_routes(desk: Desk) -> APIRouter:
                     region=region,
                     measures=measures,
                 )
-        except ConflictError as error:
-            raise conflict(desk, annotation_id, error) from None
-        now = desk.store.items(found.item.photo_sha256)
-        item = next(item for item in now if item.annotation_id == annotation_id)
-        return DecisionAnswer(item=Item.of(item), version=version)
+            except ConflictError as error:
+                known = told_before(annotation_id, body)
+                if known is not None:
+                    return known
+                raise conflict(desk, annotation_id, error) from None
+            # Also where another run took its place right behind the decision.
+            item = desk.stored(annotation_id).item
+            answer = DecisionAnswer(item=Item.of(item), version=version)
+            if body.request_id is not None:
+                answers.put(f"{annotation_id} {body.request_id}", answer)
+        return answer
 
     return routes
 
@@ -96,7 +120,8 @@ def conflict(desk: Desk, annotation_id: str, error: ConflictError | None = None)
     item, last = desk.stored(annotation_id).item, desk.store.history(annotation_id)[-1:]
     by = last[0].author.name if last else ""
     sentence = str(error) if error is not None else _sentence(item.in_force, by, item.verdict)
-    return RefusedError("conflict", sentence, CurrentShape(version=item.version, verdict=item.verdict, by=by))
+    current = CurrentShape(version=item.version, in_force=item.in_force, verdict=item.verdict, by=by)
+    return RefusedError("conflict", sentence, current)
 
 
 def _sentence(in_force: bool, by: str, verdict: str | None) -> str:

@@ -85,7 +85,7 @@ class PhotoFiles:
         return photo
 
     def _known(self, sha256: str) -> Path | None:
-        """Where it was found before; that is forgotten once the file is gone, so that a walk finds it anew."""
+        """Where it was found before; forgotten once the file is gone, so that a walk finds it anew."""
         known = self._found.get(sha256)
         if known is None or self._is(known, sha256):
             return known

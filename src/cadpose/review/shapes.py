@@ -177,9 +177,10 @@ Kind = Literal["conflict", "not_found", "bad_input", "too_large", "busy", "forbi
 
 
 class CurrentShape(Shape):
-    """What holds of an annotation that changed meanwhile."""
+    """What holds of an annotation that changed meanwhile; not ``in_force``: another answer took its place."""
 
     version: int
+    in_force: bool
     verdict: str | None
     by: str
 

@@ -1,23 +1,35 @@
-"""``GET /api/stats``: progress, pace and agreement."""
+"""``GET /api/progress``, two counts, and ``GET /api/stats``: progress, pace and agreement."""
 
 from __future__ import annotations
 
 from fastapi import APIRouter
 
+from cadpose.annotations.store import Selection
 from cadpose.review.answers import (
     Agreement,
     AuthorTold,
     BetweenPeople,
     DayTold,
+    ProgressAnswer,
     StatsAnswer,
     WithMachine,
 )
 from cadpose.review.desk import Desk
 
+#: Verdicts of a person after which an annotation counts as decided; "later" is none.
+FINAL = ("accept", "edit", "reject")
+
 
 def statistics_routes(desk: Desk) -> APIRouter:
-    """The route."""
+    """Both routes."""
     routes = APIRouter()
+
+    @routes.get("/progress")
+    def progress() -> ProgressAnswer:
+        return ProgressAnswer(
+            total=desk.store.count(),
+            decided=desk.store.count(Selection(decided_by="human", verdicts=FINAL)),
+        )
 
     @routes.get("/stats")
     def stats() -> StatsAnswer:
