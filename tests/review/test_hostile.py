@@ -32,6 +32,9 @@ MASK = st.fixed_dictionaries(
     }
 )
 REGION = st.fixed_dictionaries({"box": st.lists(NUMBER, max_size=5), "mask": st.none() | MASK})
+CAR = "made/car/van.glb"
+#: Stands for the version that the annotation has.
+PRESENT = "the present one"
 ANY_POSE, ANY_REGION = st.none() | POSE | JSON, st.none() | REGION | JSON
 
 
@@ -49,14 +52,25 @@ def told(served: Served, path: str, body: Any) -> None:
     body=st.fixed_dictionaries(
         {
             "verdict": st.sampled_from(["accept", "edit", "reject", "x", None]),
-            "version": st.just(10**6) | JSON,
+            "version": st.sampled_from([PRESENT, PRESENT, 10**6]) | JSON,
         },
-        optional={"pose": ANY_POSE, "region": ANY_REGION, "cad_id": JSON, "author": JSON, "note": JSON},
+        optional={
+            "pose": ANY_POSE,
+            "region": ANY_REGION,
+            "cad_id": st.just(CAR) | JSON,
+            "author": JSON,
+            "note": JSON,
+            "request_id": st.text("0123456789abcdef", min_size=31, max_size=33) | JSON,
+        },
     )
     | JSON
 )
 def test_decisions(shared: Served, body: Any) -> None:
-    told(shared, f"/api/annotations/{shared.ids()[0]}/decisions", body)
+    key = shared.ids()[0]
+    if isinstance(body, dict) and body.get("version") == PRESENT:
+        body = body | {"version": shared.desk.stored(key).item.version}
+    told(shared, f"/api/annotations/{key}/decisions", body)
+    shared.get(f"/api/annotations/{key}")
 
 
 @settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -64,7 +78,11 @@ def test_decisions(shared: Served, body: Any) -> None:
 def test_snaps_and_replacements(shared: Served, pose: Any, region: Any, cad: Any) -> None:
     key = shared.ids()[0]
     told(shared, "/api/snap", {"annotation_id": key, "cad_id": cad, "pose": pose, "region": region})
-    told(shared, f"/api/annotations/{key}/replace", {"cad_id": cad, "pose": pose})
+    now = {"pose": pose, "region": region, "cad_id": cad}
+    told(shared, f"/api/annotations/{key}/replace", {"cad_id": cad, "now": now})
+    # With a model that is there, everything else is looked at too.
+    told(shared, "/api/snap", {"annotation_id": key, "cad_id": CAR, "pose": pose, "region": region})
+    told(shared, f"/api/annotations/{key}/replace", {"cad_id": CAR, "now": now})
 
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])

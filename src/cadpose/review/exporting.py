@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-import threading
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Path, Query, Request
 from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
@@ -23,7 +22,8 @@ from cadpose.annotations.store import Selection
 from cadpose.errors import InputError
 from cadpose.review.answers import FormatTold
 from cadpose.review.desk import Desk
-from cadpose.review.refusals import RefusedError, not_found
+from cadpose.review.refusals import not_found
+from cadpose.review.turns import Turn
 
 #: Package that a format needs, and the extra that brings it.
 _EXTRAS = {"parquet": ("pyarrow", "parquet"), "usd": ("pxr", "usd")}
@@ -69,29 +69,29 @@ class FoundPhotos(Sources):
 def export_routes(desk: Desk) -> APIRouter:
     """The route."""
     routes = APIRouter()
-    turn = threading.Lock()
+    turn = Turn(_PATIENCE, "another export is being written: try again in a moment")
 
     @routes.get("/export/{name}")
-    @desk.slow
-    def exported(
+    async def exported(
+        request: Request,
         name: Annotated[str, Path(max_length=40)],
         verdict: Annotated[list[str] | None, Query(max_length=20)] = None,
     ) -> FileResponse:
         if name not in FORMATS:
             raise not_found(f"there is no such format: choose {', '.join(FORMATS)}")
+        chosen = Selection(verdicts=tuple(verdict or ())).verdicts
+        async with turn.of(request):
+            return await desk.slow.run(written, name, chosen)
+
+    def written(name: str, chosen: tuple[str, ...]) -> FileResponse:
         if reason := needs(desk, name):
             raise InputError(reason)
-        chosen = Selection(verdicts=tuple(verdict or ())).verdicts
-        if not turn.acquire(timeout=_PATIENCE):
-            raise RefusedError("busy", "another export is being written: try again in a moment")
         folder = FilePath(tempfile.mkdtemp(prefix="cadpose-export-"))
         try:
             file = _written(desk, name, chosen, folder)
         except BaseException:
             shutil.rmtree(folder, ignore_errors=True)
             raise
-        finally:
-            turn.release()
         return FileResponse(
             file,
             media_type=_TYPES[file.suffix],

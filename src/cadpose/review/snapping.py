@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Annotated, Literal
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 from pydantic import Field
 
 from cadpose.errors import LibraryError
@@ -13,6 +13,10 @@ from cadpose.review.answers import SnapAnswer
 from cadpose.review.desk import Desk, photo_of
 from cadpose.review.shapes import Digest, PoseShape, RegionShape, Shape
 from cadpose.review.studio import seconds_since
+from cadpose.review.turns import Turn
+
+#: Seconds that a snap waits for others.
+PATIENCE = 20.0
 
 
 class SnapBody(Shape):
@@ -28,10 +32,14 @@ class SnapBody(Shape):
 def snap_routes(desk: Desk) -> APIRouter:
     """The route."""
     routes = APIRouter()
+    turn = Turn(PATIENCE, "the server is busy with other poses: try again in a moment")
 
     @routes.post("/snap")
-    @desk.slow
-    def snap(body: SnapBody) -> SnapAnswer:
+    async def snap(request: Request, body: SnapBody) -> SnapAnswer:
+        async with turn.of(request):
+            return await desk.slow.run(snapped, body)
+
+    def snapped(body: SnapBody) -> SnapAnswer:
         begun = time.perf_counter()
         found = desk.stored(body.annotation_id)
         now, size = found.annotation, found.item.photo_size
