@@ -18,6 +18,7 @@ from cadpose.review.models import Models
 from cadpose.review.photo_files import PhotoFiles
 from cadpose.review.security import Access, allowed_hosts
 from cadpose.review.studio import Studio
+from cadpose.review.waiting import WaitingNotes
 from tests.annotations.formats.made import Made
 
 PORT = 8123
@@ -84,7 +85,7 @@ def serve(
         models=Models(library, "There is no CAD library."),
         photos=PhotoFiles(folders, uploads),
         studio=Studio(),
-        jobs=Jobs(store, annotator),
+        jobs=Jobs(store, annotator, WaitingNotes(uploads)),
         author="Ada",
     )
     client = TestClient(make_app(desk, access()), base_url=ORIGIN, raise_server_exceptions=raising)

@@ -12,8 +12,8 @@ import anyio
 import pytest
 from starlette.requests import Request
 
+from cadpose.replacement.replacer import Replacer
 from cadpose.review import exporting as exporting_module
-from cadpose.review import replacing as replacing_module
 from cadpose.review.refusals import RefusedError
 from cadpose.review.turns import SLOW, Turn
 from tests.review.serving import Served
@@ -107,7 +107,7 @@ def test_those_who_wait_take_no_thread(
         raise RefusedError("bad_input", "held")
 
     monkeypatch.setattr(served.desk.studio, "snap", held)
-    monkeypatch.setattr(replacing_module.Replacer, "replace", held)
+    monkeypatch.setattr(Replacer, "replace", held)
     monkeypatch.setattr(exporting_module, "export", held)
     thumb = served.get("/api/queue")["items"][0]["thumb"]
     # One event loop for all, as in a server.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,11 +16,13 @@ from PIL import Image
 
 from cadpose.errors import DependencyError
 from cadpose.library.catalogue import Library
-from cadpose.photos import MAX_BYTES
+from cadpose.photos import MAX_BYTES, read_photo
 from cadpose.review import jobs as jobs_module
 from cadpose.review import uploads as uploads_module
 from cadpose.review.answers import JobAnswer
+from cadpose.review.starting import go_on
 from cadpose.review.uploads import shown_name, sweep_parts
+from cadpose.review.waiting import WaitingNotes
 from tests.batch.fakes import FakeDetector, fake_annotator
 from tests.review.serving import Served, digest, serve
 
@@ -214,3 +218,73 @@ def test_stopping_ends_the_photo_under_way(empty: Served) -> None:
     empty.desk.jobs.stop()
     states = {job.id: job.state for job in empty.desk.jobs.all()}
     assert states[first] == "failed" and states[second] == "queued"
+    # Neither failed by itself: the next start goes on with both, once each, by their names.
+    assert empty.desk.store.photo_failures() == []
+    again = restarted(empty)
+    go_on(again.desk)
+    jobs = {job["name"]: job["id"] for job in again.get("/api/jobs")["items"]}
+    assert sorted(jobs) == ["7.png", "8.png"]
+    assert all(ended(again, job).state == "done" for job in jobs.values())
+    assert again.get("/api/queue")["total"] == 2
+    assert not list(again.desk.photos.uploads.glob(".waiting-*"))
+    go_on(again.desk)
+    assert len(again.get("/api/jobs")["items"]) == 2
+    again.close()
+
+
+def restarted(served: Served) -> Served:
+    """A second server on the same store and uploads, with a new annotator."""
+    library = served.desk.models.opened()
+    folder = served.desk.photos.uploads.parent
+    return serve(folder, library, annotator=lambda: fake_annotator(library, detector=FakeDetector()))
+
+
+def test_what_failed_or_is_gone_does_not_come_again(empty: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(empty.desk.jobs, "_make", lambda: 1 // 0)
+    assert ended(empty, upload(empty, picture(1), "failed.png")["id"]).state == "failed"
+    uploads = empty.desk.photos.uploads
+    assert not list(uploads.glob(".waiting-*"))
+    notes = WaitingNotes(uploads)
+    notes.add("0" * 64, "gone.png")
+    (uploads / ".waiting-x").write_bytes(b"no digest")
+    again = restarted(empty)
+    go_on(again.desk)
+    assert again.get("/api/jobs")["items"] == []
+    again.close()
+
+
+def test_no_more_than_fit_are_taken_up_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    notes = WaitingNotes(tmp_path)
+    for number in range(5):
+        notes.add(f"{number:064x}", f"{number}.png")
+        os.utime(tmp_path / f".waiting-{number:064x}", ns=(number, number))
+    assert notes.all(3) == [(f"{number:064x}", f"{number}.png") for number in range(3)]
+    notes.drop(f"{0:064x}")
+    notes.drop(f"{0:064x}")
+    assert [name for _, name in notes.all(9)] == ["1.png", "2.png", "3.png", "4.png"]
+    assert WaitingNotes(tmp_path / "missing").all(9) == []
+
+
+def test_the_event_loop_does_not_wait_for_the_disk(empty: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither that nor decoding takes a thread of the quick requests."""
+    seen: list[tuple[str, bool, float]] = []
+
+    def watched(name: str, function: Any) -> Any:
+        def call(*arguments: Any) -> Any:
+            try:
+                in_loop = asyncio.get_running_loop() is not None
+            except RuntimeError:
+                in_loop = False
+            seen.append((name, in_loop, empty.desk.slow.limiter.borrowed_tokens))
+            return function(*arguments)
+
+        return call
+
+    monkeypatch.setattr(uploads_module, "_AT_ONCE", 1000)
+    monkeypatch.setattr(os, "fsync", watched("fsync", os.fsync))
+    monkeypatch.setattr(uploads_module, "read_photo", watched("read_photo", read_photo))
+    data = picture(5)
+    assert ended(empty, upload(empty, data)["id"]).photo_sha256 == digest(data)
+    first = seen[: [name for name, *_ in seen].index("read_photo") + 1]
+    assert [name for name, *_ in first] == ["fsync", "read_photo"]
+    assert all(not in_loop and threads == 1 for _, in_loop, threads in first)

@@ -20,6 +20,7 @@ from cadpose.pipeline import Annotator
 from cadpose.records import Annotation
 from cadpose.review.answers import JobAnswer
 from cadpose.review.refusals import RefusedError, not_found
+from cadpose.review.waiting import WaitingNotes
 
 log = logging.getLogger(__name__)
 
@@ -27,6 +28,7 @@ log = logging.getLogger(__name__)
 MOST_WAITING, MOST_KEPT = 500, 1000
 #: Seconds that stopping waits for the photo under way.
 _LAST_WAIT = 5.0
+_STOPPED = "the server was stopped meanwhile: it goes on with this photo when it is started again"
 # Shares of a photo's time that go by before its objects come: reading and finding them.
 _READ, _FOUND = 0.05, 0.25
 
@@ -103,10 +105,13 @@ class Jobs:
     Args:
         store: Where annotations go.
         make: Makes the annotator; called in the thread, once.
+        notes: Where photos that wait are noted, for the next start; None notes none.
     """
 
-    def __init__(self, store: Store, make: Callable[[], Annotator]) -> None:
-        self._store, self._make = store, make
+    def __init__(
+        self, store: Store, make: Callable[[], Annotator], notes: WaitingNotes | None = None
+    ) -> None:
+        self._store, self._make, self._notes = store, make, notes
         self._annotator: Annotator | None = None
         self._jobs: OrderedDict[str, Job] = OrderedDict()
         self._waiting: deque[Job] = deque()
@@ -126,6 +131,8 @@ class Jobs:
                     return job
             if len(self._waiting) >= MOST_WAITING:
                 raise RefusedError("busy", f"{MOST_WAITING} photos wait to be annotated: try again later")
+            if self._notes is not None:
+                self._notes.add(sha256, name)
             job = Job(secrets.token_hex(8), name, path, sha256)
             self._jobs[job.id] = job
             self._forget()
@@ -135,6 +142,22 @@ class Jobs:
                 self._thread.start()
             self._changed.notify_all()
         return job
+
+    def resume(self, find: Callable[[str, str], Path | None]) -> None:
+        """Put into the queue what an earlier start left waiting; what does not fit waits for the next start.
+
+        Args:
+            find: Gives a photo's file by digest and name; None where it is gone.
+        """
+        for sha256, name in [] if self._notes is None else self._notes.all(MOST_WAITING):
+            path = find(sha256, name)
+            if path is None:
+                log.warning("%s waited to be annotated, and is gone", name)
+                continue
+            try:
+                self.add(path, name, sha256)
+            except RefusedError:
+                return
 
     def check_room(self) -> None:
         """Refuse before an upload is read what would be refused behind it.
@@ -164,7 +187,10 @@ class Jobs:
             return list(reversed(self._jobs.values()))
 
     def stop(self) -> None:
-        """Take up no further photo or object, and wait a little for the one under way."""
+        """Take up no further photo or object, and wait a little for the one under way.
+
+        It and those that wait stay noted, for the next start.
+        """
         with self._changed:
             self._stopping = True
             self._changed.notify_all()
@@ -211,7 +237,7 @@ class Jobs:
         failures: list[Failure] = []
         for number, detection in enumerate(detections):
             if self._stopping:
-                raise CadposeError("the server was stopped meanwhile: add the photo once more")
+                raise CadposeError(_STOPPED)
             stage = f"{detection.category}, {number + 1} of {len(detections)}"
             job.at(stage, _FOUND + (1.0 - _FOUND) * number / len(detections))
             result = annotator.run(photo, [detection])
@@ -221,12 +247,22 @@ class Jobs:
         self._finish(job)
 
     def _finish(self, job: Job) -> None:
-        job.done(tuple(item.annotation_id for item in self._store.items(job.sha256)))
+        found = tuple(item.annotation_id for item in self._store.items(job.sha256))
+        self._drop_note(job)
+        job.done(found)
 
     def _fail(self, job: Job, reason: str) -> None:
-        stage = job.stage
-        job.failed(reason)
+        if self._stopping:
+            # No fault of the photo's, perhaps: the store may be closed already.
+            job.failed(_STOPPED)
+            return
         try:
-            self._store.add_failure(job.name, job.sha256, stage, reason)
+            self._store.add_failure(job.name, job.sha256, job.stage, reason)
         except CadposeError as error:
             log.warning("%s", error)
+        self._drop_note(job)
+        job.failed(reason)
+
+    def _drop_note(self, job: Job) -> None:
+        if self._notes is not None:
+            self._notes.drop(job.sha256)

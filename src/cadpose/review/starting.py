@@ -23,6 +23,7 @@ from cadpose.review.photo_files import PhotoFiles
 from cadpose.review.server import is_loopback, open_socket, serve
 from cadpose.review.studio import Studio
 from cadpose.review.uploads import sweep_parts
+from cadpose.review.waiting import WaitingNotes
 from cadpose.weights import cache_folder
 
 
@@ -82,7 +83,7 @@ def open_desk(options: ReviewOptions) -> Desk:
         models=Models(library, why),
         photos=PhotoFiles(folders, uploads),
         studio=Studio(options.device),
-        jobs=Jobs(store, annotator.make),
+        jobs=Jobs(store, annotator.make, WaitingNotes(uploads)),
         author=(options.author or _user()).strip() or "somebody",
         pictures=KeptPictures(PICTURE_BYTES, cache_folder() / "review"),
     )
@@ -124,6 +125,9 @@ def run_review(
 
     def up() -> None:
         tell(opened.url)
+        if desk.models.library is not None:
+            # Files are read for it, and the page need not wait.
+            threading.Thread(target=go_on, args=(desk,), name="resume", daemon=True).start()
         if browser:
             threading.Thread(target=webbrowser.open, args=(opened.url,), daemon=True).start()
 
@@ -132,6 +136,11 @@ def run_review(
     finally:
         desk.jobs.stop()
         desk.store.close()
+
+
+def go_on(desk: Desk) -> None:
+    """Take up the photos that an earlier start left waiting."""
+    desk.jobs.resume(lambda sha256, name: desk.photos.path(sha256, name, walk=False))
 
 
 def _user() -> str:

@@ -9,9 +9,8 @@ from collections.abc import AsyncIterator
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path as FilePath
-from typing import Annotated
+from typing import Annotated, BinaryIO
 
-from anyio import to_thread
 from fastapi import APIRouter, Path, Query, Request
 from PIL import Image
 from starlette.requests import ClientDisconnect
@@ -25,9 +24,11 @@ from cadpose.review.desk import Desk
 from cadpose.review.jobs import Job
 from cadpose.review.models import Models
 from cadpose.review.refusals import RefusedError
+from cadpose.review.turns import Slow
 
 #: What the files of uploads that are not whole begin with.
 PART = ".upload-"
+_AT_ONCE = 2**20
 #: Real photographs that scikit-image carries, by what they show.
 _EXAMPLES = {"cup": "coffee", "motorbike": "stereo_motorcycle"}
 
@@ -46,10 +47,10 @@ def upload_routes(desk: Desk) -> APIRouter:
         part = folder / f"{PART}{secrets.token_hex(8)}"
         try:
             try:
-                await _written(request.stream(), part)
+                await _written(request.stream(), part, desk.slow)
             except ClientDisconnect:
                 raise InputError("the upload was broken off") from None
-            job = await to_thread.run_sync(_taken, desk, part, shown_name(name))
+            job = await desk.slow.run(_taken, desk, part, shown_name(name))
         finally:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
@@ -115,19 +116,28 @@ def sweep_parts(folder: FilePath) -> None:
         part.unlink(missing_ok=True)
 
 
-async def _written(stream: AsyncIterator[bytes], part: FilePath) -> None:
-    """The stream into a file, stopped at the cap."""
-    count = 0
-    with part.open("xb") as file:
+async def _written(stream: AsyncIterator[bytes], part: FilePath, slow: Slow) -> None:
+    """The stream into a file, stopped at the cap; the disk is waited for in threads, a megabyte at a time."""
+    count, held = 0, bytearray()
+    with await slow.run(part.open, "xb") as file:
         async for piece in stream:
             count += len(piece)
             if count > MAX_BYTES:
                 raise RefusedError("too_large", f"the photo is larger than the {MAX_BYTES >> 20} MB allowed")
-            file.write(piece)
-        file.flush()
-        os.fsync(file.fileno())
-    if not count:
-        raise InputError("the photo is empty (0 bytes)")
+            held += piece
+            if len(held) >= _AT_ONCE:
+                await slow.run(file.write, held)
+                held = bytearray()
+        if not count:
+            raise InputError("the photo is empty (0 bytes)")
+        await slow.run(_ended, file, held)
+
+
+def _ended(file: BinaryIO, last: bytearray) -> None:
+    """Write the rest, and have it on the disk."""
+    file.write(last)
+    file.flush()
+    os.fsync(file.fileno())
 
 
 def _taken(desk: Desk, part: FilePath, name: str) -> Job:
