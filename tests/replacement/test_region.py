@@ -85,6 +85,27 @@ def test_a_red_object_leaves_no_red() -> None:
         assert np.abs(out[region].astype(int) - (90, 120, 90)).max() < 20
 
 
+@pytest.mark.parametrize("apart", ["nothing", "half of the rim", "all that is wide enough"])
+def test_a_thin_rim_is_enough_not_to_be_black(apart: str) -> None:
+    """Reduced, all of the photo belongs to the hole."""
+    size = (1200, 1600)
+    region = np.ones(size, np.bool_)
+    region[:3] = region[-3:] = region[:, :3] = region[:, -3:] = False
+    barred = np.zeros(size, np.bool_)
+    rgb = np.zeros((*size, 3), np.uint8)
+    rgb[~region] = (200, 120, 60)
+    if apart == "half of the rim":
+        barred[:, :800] = True
+    if apart == "all that is wide enough":
+        region[:, :200] = False
+        barred[:, :200] = True
+    rgb[barred] = (0, 0, 255)
+    for inpainter in (SmearInpainter(), FastMarchingInpainter()):
+        out = paint_over(rgb, region, barred, inpainter)
+        assert (out[~region] == rgb[~region]).all()
+        assert np.abs(out[region].astype(int) - (200, 120, 60)).max() <= 1
+
+
 def test_ground_is_filled_with_ground() -> None:
     rgb = np.full((200, 200, 3), (200, 200, 255), np.uint8)
     rgb[100:] = (60, 80, 60)

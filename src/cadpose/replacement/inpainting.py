@@ -140,6 +140,12 @@ def _filled(
             interpolation=cv2.INTER_AREA,
         )
         small = np.round(known / np.maximum(weight, 1e-3)[..., None]).clip(0, 255).astype(np.uint8)
+        if (small_hole | small_apart).all():
+            # What is known is thinner than a reduced pixel: its mean is no worse than anything else.
+            plain = part[~hole & ~apart].mean(axis=0)
+            out = rgb.copy()
+            out[rows, columns] = np.where(hole[..., None], np.round(plain).astype(np.uint8), part)
+            return out
     filled = inpainter.fill(small, small_hole, small_apart)
     if scale < 1.0:
         size = (hole.shape[1], hole.shape[0])
