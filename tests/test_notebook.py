@@ -166,9 +166,9 @@ def test_several_objects_are_tabs(place: Place, small_library: Library) -> None:
 
 def test_in_a_real_kernel(place: Place, small_library: Library) -> None:
     """The cell's output holds a widget, or the picture where it is asked for."""
-    pytest.importorskip("ipykernel", reason="needs ipykernel: pip install ipykernel nbclient")
-    nbformat = pytest.importorskip("nbformat", reason="needs nbformat: pip install nbformat")
-    nbclient = pytest.importorskip("nbclient", reason="needs nbclient: pip install nbclient")
+    pytest.importorskip("ipykernel", reason="needs cadpose[test]")
+    nbformat = pytest.importorskip("nbformat", reason="needs cadpose[test]")
+    nbclient = pytest.importorskip("nbclient", reason="needs cadpose[test]")
     call = f"cadpose.show({str(place.document)!r}, library={str(small_library.path)!r}"
     cells = [f"import cadpose\n{call})", f"{call}, interactive=False)"]
     page = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])

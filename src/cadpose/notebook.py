@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from cadpose.annotations.document import MAX_CHARACTERS, AnnotationDocument
+from cadpose.annotations.document import AnnotationDocument
 from cadpose.annotations.files import write_atomic
 from cadpose.annotations.overlay import draw_overlay, overlay_cameras
 from cadpose.annotations.scenes.gltf_meshes import single_mesh_glb
@@ -120,13 +120,7 @@ def _annotations(shown: Shown) -> tuple[list[Annotation], Path | None]:
     folder = None
     if isinstance(shown, str | Path):
         path = Path(shown)
-        try:
-            with path.open(encoding="utf-8") as file:
-                text = file.read(MAX_CHARACTERS + 1)
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is no text"
-            raise InputError(f"{path} cannot be read: {reason}") from None
-        shown, folder = AnnotationDocument.from_json(text, str(path)), path.parent
+        shown, folder = AnnotationDocument.read(path), path.parent
     if isinstance(shown, AnnotationDocument):
         name = shown.photo.name
         annotations = shown.to_annotations()

@@ -10,6 +10,7 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -93,6 +94,21 @@ class AnnotationDocument(Part):
             fault = f"{where}: {first['msg']}" if where else first["msg"]
             more = f" (and {len(others)} more)" if others else ""
             raise InputError(f"{name} is not a valid {SCHEMA} document: {fault}{more}") from None
+
+    @classmethod
+    def read(cls, path: Path) -> AnnotationDocument:
+        """A document's file.
+
+        Raises:
+            InputError: it cannot be read, or as of `from_json`.
+        """
+        try:
+            with path.open(encoding="utf-8") as file:
+                text = file.read(MAX_CHARACTERS + 1)
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "it is no text"
+            raise InputError(f"{path} cannot be read: {reason}") from None
+        return cls.from_json(text, str(path))
 
     def to_annotations(self) -> list[Annotation]:
         """The records, exactly as they were handed to ``document_from``."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from cadpose.annotations.document import MAX_CHARACTERS, AnnotationDocument
+from cadpose.annotations.document import AnnotationDocument
 from cadpose.annotations.style import png_bytes
 from cadpose.errors import InputError
 from cadpose.records import Annotation, Photo
@@ -76,13 +76,7 @@ def annotations_of(document: Path, photo: Photo) -> list[Annotation]:
     Raises:
         InputError: the document cannot be read or is of another photo.
     """
-    try:
-        with document.open(encoding="utf-8") as file:
-            text = file.read(MAX_CHARACTERS + 1)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is no text"
-        raise InputError(f"{document} cannot be read: {reason}") from None
-    told = AnnotationDocument.from_json(text, str(document))
+    told = AnnotationDocument.read(document)
     if told.photo.size != (photo.width, photo.height) or told.photo.sha256 != photo.sha256:
         raise InputError(
             f"{document} is of {told.photo.name}, not of {photo.name}: name its own photo, or annotate again"
