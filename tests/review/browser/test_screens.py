@@ -157,3 +157,12 @@ def test_dropped_files_are_taken_or_told_about(browser: Browser, six: str) -> No
     assert desk.page.locator(".drop-zone").count() == 0
     assert "JPEG" in refused.nth(0).inner_text()
     assert "broken.jpg" in refused.nth(1).inner_text()
+
+
+def test_an_export_of_nothing_is_told_on_the_page(browser: Browser, six: str) -> None:
+    desk = browser.open(six)
+    desk.drawn()
+    desk.press("e")
+    dialog = desk.dialog("Export")
+    dialog.get_by_role("button", name="Download").click()
+    dialog.get_by_text("There is no object of that choice to export.").wait_for()

@@ -77,7 +77,7 @@ export class App {
       await new Promise((resolve) => setTimeout(resolve, GATHER_MS));
       this.refreshing = null;
       await this.review.queue.reload();
-      void this.review.refreshStats();
+      void this.review.refreshProgress();
     })();
     return this.refreshing;
   }

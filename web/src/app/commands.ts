@@ -19,12 +19,12 @@ const NEEDS_ITEM: ReadonlySet<ActionId> = new Set<ActionId>([
 
 export function command(app: App, id: ActionId, digit: number): void {
   const { review, display, models } = app;
-  if (NEEDS_ITEM.has(id) && !review.detail.peek()) return;
+  if (NEEDS_ITEM.has(id) && !review.ready.peek()) return;
   switch (id) {
     case "next":
-      return review.move(1);
+      return void review.move(1);
     case "previous":
-      return review.move(-1);
+      return void review.move(-1);
     case "queue":
       review.tab.value = "queue";
       return app.focusQueue();

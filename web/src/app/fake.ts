@@ -1,7 +1,10 @@
 /** Made-up answers of the server, for tests. */
 
+import { effect } from "@preact/signals";
+
 import { type Api, ApiError } from "./api/client";
-import type { Cad, DecisionRequest, Detail, Item, Pose, Session, Stats } from "./api/types";
+import type { Cad, DecisionRequest, Detail, Item, Pose, Session } from "./api/types";
+import type { Review } from "./review";
 
 export const POSE: Pose = {
   azimuth: 30,
@@ -108,27 +111,28 @@ const SESSION: Session = {
   reasons: ["wrong model"],
 };
 
-const STATS: Stats = {
-  total: 3,
-  decided: 0,
-  by_verdict: {},
-  authors: [],
-  days: [],
-  agreement: {
-    between_people: { pairs: 0, same_verdict: null, median_rotation_deg: null },
-    with_machine: { decided: 0, accepted_unchanged: 0, edited: 0, rejected: 0 },
-  },
-};
+/** A photo that is drawn as soon as its details are there. */
+export function drawAtOnce(review: Review): () => void {
+  return effect(() => {
+    review.drawn.value = review.detail.value?.id ?? "";
+  });
+}
 
 /** A server of three items in memory, with its optimistic lock. */
 export class FakeServer {
   readonly details = new Map(["a1", "b2", "c3"].map((id) => [id, detailOf(id)]));
   readonly decisions: { id: string; request: DecisionRequest }[] = [];
-  down = false;
+  readonly asked: string[] = [];
+  /** The server does not answer: before it has stored the decision, or after. */
+  down: "" | "before" | "after" = "";
+  private readonly answers = new Map<string, { item: Item; version: number }>();
 
   readonly api = {
     session: async () => SESSION,
-    stats: async () => STATS,
+    progress: async () => {
+      this.asked.push("progress");
+      return { total: this.details.size, decided: this.decisions.length };
+    },
     queue: async () => ({
       items: [...this.details.values()].map((detail) => this.item(detail)),
       after: null,
@@ -148,10 +152,19 @@ export class FakeServer {
   } as unknown as Api;
 
   decide(id: string, request: DecisionRequest): { item: Item; version: number } {
-    if (this.down) throw new ApiError("The server does not answer.", "network", 0);
+    if (this.down === "before") throw new ApiError("The server does not answer.", "network", 0);
+    const known = this.answers.get(request.request_id);
+    const answer = known ?? this.store(id, request);
+    this.answers.set(request.request_id, answer);
+    if (this.down === "after") throw new ApiError("The server does not answer.", "network", 0);
+    return answer;
+  }
+
+  /** As the store does it: what a request does not tell stays. */
+  private store(id: string, request: DecisionRequest): { item: Item; version: number } {
     const detail = this.found(id);
-    if (request.version !== detail.version) {
-      const current = { version: detail.version, verdict: detail.verdict, by: "Ben" };
+    if (request.version !== detail.version || !detail.in_force) {
+      const current = { version: detail.version, in_force: detail.in_force, verdict: detail.verdict, by: "Ben" };
       throw new ApiError("Decided meanwhile.", "conflict", 409, current);
     }
     this.decisions.push({ id, request });
@@ -161,6 +174,8 @@ export class FakeServer {
       verdict: request.verdict === "skip" ? detail.verdict : request.verdict,
       decided_by: "human" as const,
       pose: request.pose ?? detail.pose,
+      cad: request.cad_id === null ? detail.cad : cadOf(request.cad_id),
+      detection: { ...detail.detection, ...request.region },
       edited: request.verdict === "edit",
     };
     this.details.set(id, next);

@@ -2,12 +2,15 @@
 
 import type { App } from "./app_state";
 import { command } from "./commands";
+import { REPEATING } from "./keys/bindings";
 import { isTaken, isWriting, match } from "./keys/match";
 
 export function listen(app: App, target: Window): () => void {
   function onKeyDown(event: KeyboardEvent): void {
-    if (event.defaultPrevented || event.isComposing || app.review.dialog.peek()) return;
     const where = event.target instanceof Element ? event.target : null;
+    // A button with the focus would be pressed again and again.
+    if (event.repeat && event.key === "Enter" && where instanceof HTMLButtonElement) event.preventDefault();
+    if (event.defaultPrevented || event.isComposing || app.review.dialog.peek()) return;
     if (event.key === "Escape") return escape(app, where);
     if (isWriting(event.target) || isTaken(event, event.target)) return;
     // The page as a whole counts as the photo, and arrows turn the model where a button has the focus, too.
@@ -19,6 +22,7 @@ export function listen(app: App, target: Window): () => void {
     const pressed = match(event, inView);
     if (!pressed) return;
     event.preventDefault();
+    if (event.repeat && !REPEATING.has(pressed.id)) return;
     command(app, pressed.id, pressed.digit);
   }
   target.addEventListener("keydown", onKeyDown);

@@ -109,10 +109,18 @@ export class Queue {
     return this.pages.items[nextOpen(this.pages.items, -1)] ?? this.pages.items[0];
   }
 
-  neighbour(id: string | null, by: 1 | -1): Item | undefined {
-    const place = id === null ? -1 : this.pages.indexOf(id);
-    if (by > 0) void this.ensure(place + 2 + AHEAD);
-    return this.pages.items[place + by];
+  /** The item after or before; fetches on where the queue does, and gives none at its ends or after an error. */
+  async neighbour(id: string | null, by: 1 | -1): Promise<Item | undefined> {
+    for (;;) {
+      const pages = this.pages;
+      const place = this.indexOf(id);
+      const found = pages.items[place + by];
+      if (by < 0) return found;
+      const more = pages.complete ? null : this.ensure(place + 2 + AHEAD);
+      if (found || !more) return found;
+      await more;
+      if (pages === this.pages && this.error.peek()) return undefined;
+    }
   }
 
   /** The next item on which no person has decided, from the top again after the last; fetches on as it must. */

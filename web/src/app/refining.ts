@@ -5,6 +5,8 @@ import type { Review } from "./review";
 import { describe, type Draft } from "./state/draft";
 
 export async function snap(review: Review, mode: "fast" | "full"): Promise<void> {
+  review.settle();
+  if (!review.ready.peek()) return;
   const id = review.currentId.peek();
   const before = review.draft.peek();
   if (id === null || !before || review.busy.peek()) return;
@@ -19,7 +21,7 @@ export async function snap(review: Review, mode: "fast" | "full"): Promise<void>
   const iou = review.iou.peek();
   try {
     const found = await review.api.snap(id, before.cad.id, before.pose, mode, before.region, controller.signal);
-    if (review.currentId.peek() !== id) return;
+    if (review.currentId.peek() !== id || !review.ready.peek()) return;
     if (review.draft.peek() !== before) {
       review.say("The model was moved meanwhile; the refinement is left aside.");
       return;

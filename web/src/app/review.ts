@@ -3,7 +3,7 @@
 import { batch, computed, signal } from "@preact/signals";
 
 import { type Api, sentence } from "./api/client";
-import type { Cad, Detail, Item, Pose, Region, Session, Stats } from "./api/types";
+import type { Cad, DecisionRequest, Detail, Item, Pose, Progress, Region, Session } from "./api/types";
 import { type Dialog, type Notice, type Tone } from "./notices";
 import { Queue } from "./queue";
 import { Details } from "./state/details";
@@ -23,7 +23,8 @@ export class Review {
   readonly session = signal<Session | null>(null);
   /** Why the page cannot begin, empty while it can. */
   readonly failure = signal("");
-  readonly stats = signal<Stats | null>(null);
+  /** How far the store is. */
+  readonly progress = signal<Progress | null>(null);
   readonly queue: Queue;
   readonly details: Details;
   readonly desk = new Desk();
@@ -44,7 +45,7 @@ export class Review {
   readonly before = signal<Pose | null>(null);
   readonly iou = signal<number | null>(null);
   readonly drawing = signal<Drawing>("");
-  /** The item that stands on the screen, photo and model and all. */
+  /** The item that stands on the screen, photo and model and all; empty while none does. */
   readonly drawn = signal("");
 
   readonly busy = signal<"" | "snap" | "save">("");
@@ -52,6 +53,12 @@ export class Review {
   readonly notice = signal<Notice | null>(null);
   readonly author = signal("");
   readonly tab = signal<Tab>("adjust");
+
+  /** Whether the open item is the one that is seen: only then may anything be changed or decided. */
+  readonly ready = computed(() => {
+    const id = this.currentId.value;
+    return id !== null && !this.opening.value && this.detail.value?.id === id && this.drawn.value === id;
+  });
 
   readonly changed = computed(() => {
     const base = this.base.value;
@@ -64,6 +71,10 @@ export class Review {
   private soon: ReturnType<typeof setTimeout> | undefined;
   /** The refinement that is under way; leaving the item ends it. */
   snapping: AbortController | null = null;
+  /** Decisions of which no answer came, by item: the next try must bear the same name. */
+  readonly unanswered = new Map<string, DecisionRequest>();
+  /** Ends what the mouse or a finger is doing to the model, and tells its pose. */
+  endGesture: () => void = () => undefined;
   /** Puts the focus on the photo. */
   focusView: () => void = () => undefined;
 
@@ -79,9 +90,10 @@ export class Review {
     this.author.value = settings.author;
   }
 
+  /** The work on the item that is seen; none while another one is on its way. */
   get work(): Work | undefined {
     const id = this.currentId.peek();
-    return id === null ? undefined : this.desk.get(id);
+    return id !== null && this.ready.peek() ? this.desk.get(id) : undefined;
   }
 
   async begin(wanted: string | null): Promise<void> {
@@ -90,7 +102,7 @@ export class Review {
       const session = await this.api.session();
       this.session.value = session;
       if (!this.author.value) this.author.value = session.author;
-      void this.refreshStats();
+      void this.refreshProgress();
       await this.queue.reload();
     } catch (error) {
       this.failure.value = sentence(error);
@@ -104,20 +116,23 @@ export class Review {
     if (first) await this.open(first);
   }
 
-  async refreshStats(): Promise<void> {
+  async refreshProgress(): Promise<void> {
     try {
-      this.stats.value = await this.api.stats();
+      this.progress.value = await this.api.progress();
     } catch {
-      // The bar stays as it was; the statistics dialogue tells its own errors.
+      // The bar stays as it was.
     }
   }
 
   async open(id: string): Promise<void> {
     performance.mark("cadpose-open");
-    this.currentId.value = id;
-    this.trouble.value = "";
-    this.opening.value = true;
-    this.drawing.value = "";
+    this.settle();
+    batch(() => {
+      this.currentId.value = id;
+      this.trouble.value = "";
+      this.opening.value = true;
+      this.drawing.value = "";
+    });
     this.snapping?.abort();
     try {
       const old = this.details.age(id) > FRESH_MS;
@@ -144,7 +159,9 @@ export class Review {
   private async lookAgain(seen: Detail): Promise<void> {
     try {
       const detail = await this.details.fresh(seen.id);
-      const waiting = this.currentId.peek() === seen.id && !this.desk.isDirty(seen.id) && this.busy.peek() === "";
+      // A model that is held has a draft on its way, which is not on the desk yet.
+      const touched = this.changed.peek() || this.desk.isDirty(seen.id) || this.busy.peek() !== "";
+      const waiting = this.currentId.peek() === seen.id && this.detail.peek() === seen && !touched;
       if (detail.version !== seen.version && waiting) this.show(detail, this.desk.begin(detail));
     } catch {
       // Then the decision will tell.
@@ -153,6 +170,9 @@ export class Review {
 
   show(detail: Detail, work: Work): void {
     batch(() => {
+      // Another model has to be seen before it is decided on.
+      const other = this.draft.peek()?.cad.key !== work.undo.present.cad.key;
+      if (other && this.detail.peek()?.id === detail.id) this.drawn.value = "";
       this.detail.value = detail;
       this.base.value = work.base;
       this.before.value = reference(detail);
@@ -161,18 +181,24 @@ export class Review {
     });
   }
 
-  move(by: 1 | -1): void {
-    const next = this.queue.neighbour(this.currentId.peek(), by);
-    if (next) void this.open(next.id);
+  async move(by: 1 | -1): Promise<void> {
+    const from = this.currentId.peek();
+    const next = await this.queue.neighbour(from, by);
+    if (this.currentId.peek() !== from) return;
+    const trouble = this.queue.error.peek();
+    if (next) await this.open(next.id);
+    else if (trouble && by > 0) this.say(trouble, "bad");
     else this.say(by > 0 ? "That was the last one of the queue." : "That is the first one of the queue.");
   }
 
-  async moveOn(): Promise<void> {
+  /** To the next item on which nobody has decided. */
+  async moveOn(otherwise = "Stored. People have decided on everything in this list."): Promise<void> {
     const id = this.currentId.peek();
     const next = await this.queue.nextOpen(id);
+    if (this.currentId.peek() !== id) return;
     if (next) return this.open(next.id);
     if (id !== null) await this.open(id);
-    this.say("Stored. People have decided on everything in this list.", "good");
+    this.say(otherwise, "good");
   }
 
   // -- the draft -------------------------------------------------------------------------------
@@ -180,7 +206,14 @@ export class Review {
   /** A pose on its way: seen, but no step of the undo history yet. */
   preview(pose: Pose): void {
     const draft = this.draft.peek();
-    if (draft) this.draft.value = { ...draft, pose };
+    if (draft && this.work) this.draft.value = { ...draft, pose };
+  }
+
+  /** What is on its way becomes a step of undo, before anything else happens to the item. */
+  settle(): void {
+    this.endGesture();
+    const work = this.work;
+    if (work && this.draft.peek() !== work.undo.present) this.commit((draft) => draft);
   }
 
   setPose(pose: Pose, tag = ""): void {
@@ -204,19 +237,24 @@ export class Review {
   }
 
   undo(): void {
+    this.settle();
     const work = this.work;
-    if (work?.undo.undo()) this.sync(work);
+    if (!work) return;
+    if (work.undo.undo()) this.sync(work);
     else this.say("Nothing to undo.");
   }
 
   redo(): void {
+    this.settle();
     const work = this.work;
-    if (work?.undo.redo()) this.sync(work);
+    if (!work) return;
+    if (work.undo.redo()) this.sync(work);
     else this.say("Nothing to redo.");
   }
 
   /** Back to what is stored; undo brings the changes back. */
   reset(): void {
+    this.settle();
     const work = this.work;
     if (!work || !this.changed.peek()) return;
     work.undo.push(work.base);
@@ -251,7 +289,7 @@ export class Review {
   /** The item as the queue now knows it. */
   took(item: Item): void {
     this.queue.update(item);
-    void this.refreshStats();
+    void this.refreshProgress();
   }
 }
 

@@ -35,7 +35,12 @@ export class ViewHost {
   ) {
     const { review, display } = app;
     this.view = new PhotoView(container, {
-      onPose: (pose, done) => (done ? review.setPose(pose) : review.preview(pose)),
+      onPose: (pose, done) => {
+        if (this.active.peek() !== review.detail.peek()?.id) return;
+        if (done) review.setPose(pose);
+        else review.preview(pose);
+      },
+      paused: () => !review.ready.peek(),
       onWipe: (wipe) => {
         display.wipe.value = wipe;
       },
@@ -43,6 +48,7 @@ export class ViewHost {
     review.warm = (detail) => {
       this.view.preload(detail.photo.image, urlOf(detail.cad)).catch(() => undefined);
     };
+    review.endGesture = () => this.view.finish();
     review.focusView = () => container.focus({ preventScroll: true });
 
     const cad = computed(() => review.draft.value?.cad ?? null);
@@ -104,22 +110,32 @@ export class ViewHost {
     for (const end of this.ends) end();
     cancelAnimationFrame(this.frame);
     clearTimeout(this.timer);
+    this.turn++;
+    const { review } = this.app;
+    review.endGesture = () => undefined;
+    review.drawn.value = "";
     this.view.dispose();
   }
 
   private async load(detail: Detail): Promise<void> {
     const { review } = this.app;
-    if (this.active.peek() === detail.id) return;
     const turn = ++this.turn;
+    if (this.active.peek() === detail.id && review.drawn.peek() === detail.id) {
+      this.loading.value = false;
+      return;
+    }
     const cad = review.draft.peek()?.cad ?? detail.cad;
     this.loading.value = true;
     // Both first, so that the former item stays whole until the new one can take its place.
     await this.view.preload(detail.photo.image, urlOf(cad)).catch(() => undefined);
     if (turn !== this.turn) return;
     this.model = cad.key;
+    // A new photo has no mask: whatever follows the item has to be told anew, also where it is the same one.
+    this.active.value = "";
     const { image, width, height } = detail.photo;
     const shown = Promise.allSettled([this.view.setPhoto(image, width, height), this.view.setModel(urlOf(cad))]);
     this.active.value = detail.id;
+    review.drawn.value = "";
     const [photo, model] = await shown;
     if (turn !== this.turn) return;
     this.loading.value = false;
@@ -140,6 +156,7 @@ export class ViewHost {
   private async clear(): Promise<void> {
     this.turn++;
     this.active.value = "";
+    this.app.review.drawn.value = "";
     this.trouble.value = "";
     this.loading.value = false;
     await Promise.allSettled([this.view.setPhoto(null, 4, 3), this.view.setModel(null)]);

@@ -15,6 +15,8 @@ export interface Held {
   zoom(factor: number, client: Point): void;
   /** Whether gestures may change the pose. */
   interactive(): boolean;
+  /** Whether the pose is to be left alone for now: what would change it does nothing. */
+  paused(): boolean;
   /** Radius in pixels of the photo at which an object is easy to hold. */
   leastRadius(): number;
 }
@@ -54,13 +56,17 @@ export class Gestures {
     element.style.cursor = "grab";
   }
 
-  /** Tell what is not told yet. */
+  /** Tell what is not told yet; who still holds the object has to take it anew. */
   finish(): void {
     if (this.resting !== null) clearTimeout(this.resting);
     this.resting = null;
+    this.fingers.clear();
+    this.action = null;
+    this.element.style.cursor = "grab";
     const pose = this.held.pose();
-    if (this.changed && pose) this.held.change(pose, true);
+    const changed = this.changed && !this.held.paused();
     this.changed = false;
+    if (changed && pose) this.held.change(pose, true);
   }
 
   dispose(): void {
@@ -159,6 +165,7 @@ export class Gestures {
   }
 
   private tell(pose: Pose): void {
+    if (this.held.paused()) return;
     this.changed = true;
     this.held.change(pose, false);
   }

@@ -1,4 +1,4 @@
-/** Reads the binary glTF that src/cadpose/review/model_glb.py writes: one mesh, its primitives in the order to draw. */
+/** Reads the binary glTF that src/cadpose/annotations/scenes/gltf_meshes.py writes: one mesh, its primitives in the order to draw. */
 
 export type Kind = "OPAQUE" | "MASK" | "BLEND";
 

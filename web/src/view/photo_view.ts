@@ -16,6 +16,8 @@ export type { Box, Display, Pose } from "./pose";
 export interface PhotoViewOptions {
   /** The pose was changed by hand; `done` when the hand let go. */
   onPose(pose: Pose, done: boolean): void;
+  /** Whether gestures must leave the pose alone for now. */
+  paused?(): boolean;
   /** The divider was moved, 0 at the left. */
   onWipe?(wipe: number): void;
   /** The photo was enlarged or moved, or the container changed its size. */
@@ -119,6 +121,7 @@ export class PhotoView {
       pan: (dx, dy) => this.panBy(dx, dy),
       zoom: (factor, client) => this.zoomBy(factor, this.inside(client)),
       interactive: () => this.interactive,
+      paused: () => options.paused?.() ?? false,
       leastRadius: () => LEAST_RADIUS / this.frame.scale,
     });
     const { signal } = this.off;
@@ -208,6 +211,11 @@ export class PhotoView {
     Object.assign(this.picture, { display, opacity, wipe });
     this.wipe.show(wipe);
     this.invalidate();
+  }
+
+  /** Ends what is held, and tells the pose that it has now. */
+  finish(): void {
+    this.gestures.finish();
   }
 
   /** Whether gestures change the pose; the photo can be enlarged and moved in any case. */

@@ -1,11 +1,12 @@
 import { expect, test } from "vitest";
 
-import { Api, ApiError } from "./client";
+import { Api, ApiError, exportUrl } from "./client";
+import { POSE } from "../fake";
 import { thumbUrl } from "./thumbs";
 
-function answering(status: number, body: unknown, headers: Record<string, string> = {}): Api {
+function answering(status: number, body: unknown): Api {
   const text = typeof body === "string" ? body : JSON.stringify(body);
-  return new Api(async () => new Response(text, { status, headers }));
+  return new Api(async () => new Response(text, { status }));
 }
 
 async function refusal(api: Api): Promise<ApiError> {
@@ -15,7 +16,7 @@ async function refusal(api: Api): Promise<ApiError> {
 }
 
 test("an error is the server's sentence, its kind, and what holds now", async () => {
-  const current = { version: 4, verdict: "accept", by: "Ben" };
+  const current = { version: 4, in_force: true, verdict: "accept", by: "Ben" };
   const error = await refusal(answering(409, { error: "Changed.", kind: "conflict", current }));
   expect([error.message, error.kind, error.current, error.passing]).toEqual(["Changed.", "conflict", current, false]);
 });
@@ -37,9 +38,24 @@ test("an ended session says what to open", async () => {
   expect((await refusal(answering(401, { error: "no", kind: "forbidden" }))).message).toContain("cadpose review");
 });
 
-test("an export has the server's name", async () => {
-  const api = answering(200, "{}", { "content-disposition": 'attachment; filename="coco.json"' });
-  expect((await api.export("coco", ["accept"])).name).toBe("coco.json");
+test("an export is an address, for the browser to load", () => {
+  expect(exportUrl("coco", ["accept", "edit"])).toBe("/api/export/coco?verdict=accept&verdict=edit");
+});
+
+test("jobs are what the server sends, and nothing else passes for them", async () => {
+  expect(await answering(200, { items: [] }).jobs()).toEqual([]);
+  expect(await answering(200, []).jobs()).toBeUndefined();
+});
+
+test("a replacement tells how the old object stands, and no pose of the new model", async () => {
+  const sent: unknown[] = [];
+  const api = new Api(async (url, init) => {
+    sent.push(url, JSON.parse(String(init?.body)));
+    return new Response("{}");
+  });
+  const now = { pose: POSE, cad_id: "old", region: null };
+  await api.replace("a1", "new", now, true, false);
+  expect(sent).toEqual(["/api/annotations/a1/replace", { cad_id: "new", now, shadow: true, light: false }]);
 });
 
 test("thumbnails are asked for in steps of five degrees", () => {

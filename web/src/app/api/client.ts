@@ -10,10 +10,12 @@ import type {
   ItemPage,
   Job,
   Pose,
+  Progress,
   Region,
   Replaced,
   Session,
   Snapped,
+  Standing,
   Stats,
   Symmetry,
 } from "./types";
@@ -49,6 +51,11 @@ export function queryString(query: Query): string {
   }
   const text = parameters.toString();
   return text ? `?${text}` : "";
+}
+
+/** Where the store is had as a file of that format. */
+export function exportUrl(format: string, verdicts: readonly string[]): string {
+  return `/api/export/${encodeURIComponent(format)}${queryString({ verdict: verdicts })}`;
 }
 
 export type Fetch = (url: string, init?: RequestInit) => Promise<Response>;
@@ -104,33 +111,28 @@ export class Api {
   }
 
   async jobs(): Promise<Job[]> {
-    const found = await this.get<Job[] | { items: Job[] }>("/api/jobs");
-    return Array.isArray(found) ? found : found.items;
+    return (await this.get<{ items: Job[] }>("/api/jobs")).items;
   }
 
+  /** Puts the model `cad_id` in the place of the object, which stands as `now` tells. */
   replace(
     id: string,
     cad_id: string,
-    pose: Pose | null,
+    now: Standing,
     shadow: boolean,
     light: boolean,
     signal?: AbortSignal,
   ): Promise<Replaced> {
     const url = `/api/annotations/${encodeURIComponent(id)}/replace`;
-    return this.post(url, { cad_id, pose, shadow, light }, signal);
+    return this.post(url, { cad_id, now, shadow, light }, signal);
+  }
+
+  progress(): Promise<Progress> {
+    return this.get("/api/progress");
   }
 
   stats(): Promise<Stats> {
     return this.get("/api/stats");
-  }
-
-  /** The exported file and the name that the server gives it. */
-  async export(format: string, verdicts: readonly string[]): Promise<{ name: string; blob: Blob }> {
-    const url = `/api/export/${encodeURIComponent(format)}${queryString({ verdict: verdicts })}`;
-    const response = await this.answer(url, {});
-    const said = response.headers.get("content-disposition") ?? "";
-    const name = /filename="?([^";]+)"?/.exec(said)?.[1] ?? `cadpose-${format}`;
-    return { name, blob: await response.blob() };
   }
 
   private get<T>(url: string, signal?: AbortSignal): Promise<T> {
@@ -147,11 +149,6 @@ export class Api {
   }
 
   private async send<T>(url: string, init: RequestInit): Promise<T> {
-    const response = await this.answer(url, init);
-    return (await response.json()) as T;
-  }
-
-  private async answer(url: string, init: RequestInit): Promise<Response> {
     let response: Response;
     try {
       response = await this.fetch_(url, { credentials: "same-origin", ...init });
@@ -159,7 +156,7 @@ export class Api {
       if (error instanceof DOMException && error.name === "AbortError") throw error;
       throw new ApiError(GONE, "network", 0);
     }
-    if (response.ok) return response;
+    if (response.ok) return (await response.json()) as T;
     throw await refusal(response);
   }
 }

@@ -159,6 +159,15 @@ export interface DecisionRequest {
   pose: Pose | null;
   cad_id: string | null;
   region: Region | null;
+  /** 32 hex digits: who sends the same once more gets the first answer again. */
+  request_id: string;
+}
+
+/** How an object stands on the page; null is what is stored. */
+export interface Standing {
+  pose: Pose | null;
+  cad_id: string | null;
+  region: Region | null;
 }
 
 export interface Snapped {
@@ -194,6 +203,12 @@ export interface Replaced {
   seconds: number;
 }
 
+export interface Progress {
+  total: number;
+  /** Objects on which a person has decided. */
+  decided: number;
+}
+
 export interface Stats {
   total: number;
   decided: number;
@@ -209,6 +224,8 @@ export interface Stats {
 /** What holds now, told with a 409. */
 export interface Current {
   version: number;
+  /** False where another answer took this one's place: the photo was annotated anew. */
+  in_force: boolean;
   verdict: Verdict | null;
   by: string | null;
 }

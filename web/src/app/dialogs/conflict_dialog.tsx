@@ -1,7 +1,7 @@
 /** Somebody was quicker: who, what, and the two ways on. Nothing is stored or lost until one is chosen. */
 
 import { useApp } from "../app_state";
-import { applyMine, loadTheirs } from "../deciding";
+import { applyMine, loadPhotoAgain, loadTheirs } from "../deciding";
 import { type Conflict, MEANT } from "../notices";
 import { describe, draftOf } from "../state/draft";
 import { verdictLabel } from "../state/filters";
@@ -15,6 +15,7 @@ export function ConflictDialog({ conflict, onClose }: { conflict: Conflict; onCl
   const who = current.by ?? last?.author ?? "Somebody";
   const changed = work && theirs ? describe(work.base, draftOf(theirs)) : [];
   const mine = work ? describe(work.base, work.undo.present) : [];
+  if (!current.in_force) return <Replaced conflict={conflict} mine={mine} onClose={onClose} />;
   const why = last ? [last.reason, last.note].filter(Boolean).join(": ") : "";
   return (
     <Dialog title="Decided meanwhile" onClose={onClose}>
@@ -53,9 +54,38 @@ export function ConflictDialog({ conflict, onClose }: { conflict: Conflict; onCl
           </button>
         </div>
         <p class="hint">
-          Either way both stay in the history. Loading theirs keeps your changes one redo away; closing keeps them as
-          a draft.
+          Either way both stay in the history. Loading theirs keeps your changes one redo away; applying yours stores
+          pose, model and region as you see them here; closing keeps them as a draft.
         </p>
+      </div>
+    </Dialog>
+  );
+}
+
+/** The photo was annotated anew meanwhile: this answer can be decided on no more. */
+function Replaced({ conflict, mine, onClose }: { conflict: Conflict; mine: string[]; onClose(): void }) {
+  const { review } = useApp();
+  return (
+    <Dialog title="Annotated anew" onClose={onClose}>
+      <div class="conflict">
+        <p>
+          While you had this object open, its photo was annotated anew, and another answer holds in this one's place.
+          Yours is not stored{mine.length > 0 && `: ${mine.join(", ")}`}.
+        </p>
+        <div class="buttons">
+          <button
+            type="button"
+            class="command main"
+            data-first
+            onClick={() => void loadPhotoAgain(review, conflict)}
+          >
+            Load the photo again
+          </button>
+          <button type="button" class="command" onClick={onClose}>
+            Stay here
+          </button>
+        </div>
+        <p class="hint">Your changes belong to the former answer and go with it.</p>
       </div>
     </Dialog>
   );

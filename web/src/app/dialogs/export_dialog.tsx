@@ -2,12 +2,12 @@
 
 import { useState } from "preact/hooks";
 
-import { sentence } from "../api/client";
+import { exportUrl, sentence } from "../api/client";
 import { useApp } from "../app_state";
 import { toggled, VERDICTS } from "../state/filters";
 import { Dialog } from "../ui/dialog";
 import { Icon } from "../ui/icon";
-import { save } from "../ui/save";
+import { download } from "../ui/save";
 
 export function ExportDialog({ onClose }: { onClose(): void }) {
   const { api, review } = useApp();
@@ -21,10 +21,15 @@ export function ExportDialog({ onClose }: { onClose(): void }) {
     setState("working");
     setTrouble("");
     try {
-      const { name, blob } = await api.export(format, verdicts);
-      save(name, blob);
+      // What can be told before is: the file itself goes past the page, straight to the browser's downloads.
+      const session = await api.session();
+      const needs = session.formats.find((each) => each.name === format)?.needs;
+      if (needs) throw new Error(needs);
+      const { total } = await api.queue({ verdict: verdicts, limit: 1 });
+      if (total === 0) throw new Error("There is no object of that choice to export.");
+      download(exportUrl(format, verdicts));
       setState("done");
-      review.say(`Exported ${name}, ${size(blob.size)}.`, "good");
+      review.say("The export is being written; it comes to your browser's downloads.", "good");
     } catch (error) {
       setState("");
       setTrouble(sentence(error));
@@ -79,13 +84,9 @@ export function ExportDialog({ onClose }: { onClose(): void }) {
           onClick={() => void run()}
         >
           <Icon name="download" />
-          <span>{state === "working" ? "Writing …" : state === "done" ? "Download again" : "Download"}</span>
+          <span>{state === "working" ? "Looking …" : state === "done" ? "Download again" : "Download"}</span>
         </button>
       </div>
     </Dialog>
   );
-}
-
-function size(bytes: number): string {
-  return bytes < 1e6 ? `${Math.max(1, Math.round(bytes / 1e3))} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
 }

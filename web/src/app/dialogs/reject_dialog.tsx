@@ -22,7 +22,7 @@ export function RejectDialog({ onClose }: { onClose(): void }) {
       <div
         class="reasons"
         onKeyDown={(event) => {
-          if (isWriting(event.target) || event.ctrlKey || event.altKey || event.metaKey) return;
+          if (event.repeat || isWriting(event.target) || event.ctrlKey || event.altKey || event.metaKey) return;
           const reason = reasons[Number(event.key) - 1];
           if (reason) {
             event.preventDefault();

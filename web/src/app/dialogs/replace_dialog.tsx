@@ -32,8 +32,9 @@ export function ReplaceDialog({ onClose }: { onClose(): void }) {
     calling.current = controller;
     setWorking(true);
     setTrouble("");
+    const now = { pose: draft.pose, cad_id: draft.cad.id, region: draft.region };
     try {
-      setMade(await api.replace(detail.id, cad.id, draft.pose, shadow, light, controller.signal));
+      setMade(await api.replace(detail.id, cad.id, now, shadow, light, controller.signal));
     } catch (error) {
       if (isAbort(error)) return;
       setTrouble(sentence(error));

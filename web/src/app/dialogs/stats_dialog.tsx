@@ -11,12 +11,13 @@ import { verdictLabel } from "../state/filters";
 import { Dialog } from "../ui/dialog";
 
 export function StatsDialog({ onClose }: { onClose(): void }) {
-  const { api, review } = useApp();
+  const { api } = useApp();
+  const found = useSignal<Stats | null>(null);
   const trouble = useSignal("");
 
   async function load(): Promise<void> {
     try {
-      review.stats.value = await api.stats();
+      found.value = await api.stats();
       trouble.value = "";
     } catch (error) {
       trouble.value = sentence(error);
@@ -24,7 +25,7 @@ export function StatsDialog({ onClose }: { onClose(): void }) {
   }
   useEffect(() => void load(), []);
 
-  const stats = review.stats.value;
+  const stats = found.value;
   return (
     <Dialog title="Statistics" wide onClose={onClose}>
       {trouble.value && (

@@ -125,6 +125,26 @@ export const BINDINGS: readonly Binding[] = [
   { id: "theme", chords: [{ key: "d" }], what: "Light, dark, as the system", group: "Page", where: "page" },
 ];
 
+/** What goes on while its key is held; all else happens once a press. */
+export const REPEATING: ReadonlySet<ActionId> = new Set<ActionId>([
+  "next",
+  "previous",
+  "azimuth+",
+  "azimuth-",
+  "azimuth++",
+  "azimuth--",
+  "elevation+",
+  "elevation-",
+  "elevation++",
+  "elevation--",
+  "inplane+",
+  "inplane-",
+  "focal+",
+  "focal-",
+  "opacity+",
+  "opacity-",
+]);
+
 const NAMES: Record<string, string> = {
   arrowleft: "←",
   arrowright: "→",

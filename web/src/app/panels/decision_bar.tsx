@@ -5,10 +5,9 @@ import { CommandButton } from "../ui/command_button";
 
 export function DecisionBar() {
   const { review } = useApp();
-  const none = !review.detail.value;
   const changed = review.changed.value;
   const saving = review.busy.value === "save";
-  const off = none || saving;
+  const off = !review.ready.value || saving;
   return (
     <div class="decision-bar" role="toolbar" aria-label="Decision">
       <CommandButton id="previous" icon="previous" label="Previous" bare />

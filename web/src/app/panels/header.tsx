@@ -43,15 +43,15 @@ export function Header() {
 }
 
 function Progress() {
-  const stats = useApp().review.stats.value;
-  if (!stats || stats.total === 0) return null;
-  const share = stats.decided / stats.total;
+  const progress = useApp().review.progress.value;
+  if (!progress || progress.total === 0) return null;
+  const { total, decided } = progress;
   return (
     <span class="progress" title="Objects on which a person has decided">
-      <progress max={stats.total} value={stats.decided} aria-label="Decided" />
+      <progress max={total} value={decided} aria-label="Decided" />
       <span>
-        {stats.decided.toLocaleString("en")} of {stats.total.toLocaleString("en")}
-        <small> ({Math.floor(share * 100)} %)</small>
+        {decided.toLocaleString("en")} of {total.toLocaleString("en")}
+        <small> ({Math.floor((decided / total) * 100)} %)</small>
       </span>
     </span>
   );

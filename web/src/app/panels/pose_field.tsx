@@ -9,6 +9,8 @@ export function PoseField({ field }: { field: Field }) {
   const { review } = useApp();
   const id = useId();
   const input = useRef<HTMLInputElement>(null);
+  /** The item at which the slider was taken hold of: what it tells later is not meant for another one. */
+  const held = useRef<string | null>(null);
   const pose = review.draft.value?.pose;
   const detail = review.detail.value;
   const value = pose ? valueOf(pose, field.name) : 0;
@@ -30,6 +32,11 @@ export function PoseField({ field }: { field: Field }) {
   }
 
   function slide(place: string, done: boolean): void {
+    const open = review.detail.peek()?.id ?? null;
+    held.current ??= open;
+    const meant = held.current === open;
+    if (done) held.current = null;
+    if (!meant) return;
     const now = review.draft.peek()?.pose;
     const next = now && withValue(now, field.name, fromSlider(Number(place), low, high, field.logarithmic));
     if (!next) return;
@@ -70,6 +77,9 @@ export function PoseField({ field }: { field: Field }) {
         max={1000}
         step="any"
         value={toSlider(value, low, high, field.logarithmic)}
+        onPointerDown={() => {
+          held.current = null;
+        }}
         onInput={(event) => slide(event.currentTarget.value, false)}
         onChange={(event) => slide(event.currentTarget.value, true)}
       />

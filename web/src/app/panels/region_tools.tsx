@@ -31,6 +31,7 @@ export function RegionTools({ host }: { host: ViewHost }) {
     let own: Region | null = null;
     const made = new RegionEditor(host.container, {
       onChange: (box, mask) => {
+        if (review.detail.peek()?.id !== detail.id) return;
         const { width, height } = detail.photo;
         const kept = box ?? review.draft.peek()?.region?.box ?? detail.detection.box;
         own = { box: kept, mask: mask ? encodeRle(mask, width, height) : null };

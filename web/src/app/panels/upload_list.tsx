@@ -3,7 +3,7 @@
 import { useRef } from "preact/hooks";
 
 import { useApp } from "../app_state";
-import type { Upload } from "../state/uploads";
+import { isPicture, type Upload } from "../state/uploads";
 import { Icon } from "../ui/icon";
 
 export function UploadPicker() {
@@ -13,7 +13,7 @@ export function UploadPicker() {
 
   function take(input: HTMLInputElement, pictures: boolean): void {
     const chosen = [...(input.files ?? [])];
-    const wanted = pictures ? chosen.filter((file) => /\.(jpe?g|png|webp|tiff?|bmp)$/i.test(file.name)) : chosen;
+    const wanted = pictures ? chosen.filter((file) => isPicture(file.name)) : chosen;
     app.uploader.add(wanted.map((file) => ({ name: file.name, blob: file })));
     input.value = "";
   }

@@ -19,6 +19,10 @@ export function draftOf(detail: Detail): Draft {
   return { pose: detail.pose, cad: detail.cad, region: null };
 }
 
+export function detectedOf(detail: Detail): Region {
+  return { box: detail.detection.box, mask: detail.detection.mask };
+}
+
 // Below these a change is rounding, not somebody's will.
 const DEGREES = 1e-3;
 const PIXELS = 1e-3;
@@ -53,6 +57,18 @@ export function changesOf(base: Draft, draft: Draft): Changes {
     cad_id: base.cad.id === draft.cad.id ? null : draft.cad.id,
     region: draft.region,
   };
+}
+
+/** What has to be sent so that a draft on top of that detection holds instead of what is stored now. */
+export function changesOnTop(stored: Detail, draft: Draft, detected: Region): Changes {
+  const wanted = draft.region ?? detected;
+  const region = sameRegion(detectedOf(stored), wanted) ? null : wanted;
+  return { ...changesOf(draftOf(stored), draft), region };
+}
+
+function sameRegion(a: Region, b: Region): boolean {
+  const boxes = a.box.every((value, place) => Math.abs(value - (b.box[place] ?? Number.NaN)) < PIXELS);
+  return boxes && a.mask?.counts === b.mask?.counts && String(a.mask?.size) === String(b.mask?.size);
 }
 
 export function isChanged(base: Draft, draft: Draft): boolean {

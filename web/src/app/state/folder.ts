@@ -1,5 +1,7 @@
 /** Files of a drop, folders and what lies in them too. */
 
+import { isPicture } from "./uploads";
+
 export interface Dropped {
   name: string;
   blob: Blob;
@@ -28,7 +30,7 @@ async function walk(entry: FileSystemEntry, found: Dropped[], inFolder: boolean)
   if (entry.isFile) {
     const file = await new Promise<File>((resolve, reject) => (entry as FileSystemFileEntry).file(resolve, reject));
     // What lies beside the photos of a folder is left aside; a file dropped by itself is told about.
-    if (!inFolder || isLikely(file.name)) found.push({ name: file.name, blob: file });
+    if (!inFolder || (isPicture(file.name) && !file.name.startsWith("."))) found.push({ name: file.name, blob: file });
     return;
   }
   const reader = (entry as FileSystemDirectoryEntry).createReader();
@@ -38,8 +40,4 @@ async function walk(entry: FileSystemEntry, found: Dropped[], inFolder: boolean)
     if (some.length === 0) return;
     for (const each of some) await walk(each, found, true);
   }
-}
-
-function isLikely(name: string): boolean {
-  return !name.startsWith(".") && /\.(jpe?g|png|webp|tiff?|bmp)$/i.test(name);
 }

@@ -1,11 +1,13 @@
 /** Drafts of all items that were touched, each with its undo history, while the page is open. */
 
-import type { Detail } from "../api/types";
-import { type Draft, draftOf, isChanged } from "./draft";
+import type { Detail, Region } from "../api/types";
+import { type Draft, detectedOf, draftOf, isChanged } from "./draft";
 import { Undo } from "./undo";
 
 export interface Work {
   readonly base: Draft;
+  /** Box and mask that a draft without a region of its own stands on. */
+  readonly detected: Region;
   /** Of the annotation that this began from; the next decision tells it. */
   version: number;
   readonly undo: Undo<Draft>;
@@ -23,7 +25,7 @@ export class Desk {
 
   begin(detail: Detail): Work {
     const base = draftOf(detail);
-    const work: Work = { base, version: detail.version, undo: new Undo(base) };
+    const work: Work = { base, detected: detectedOf(detail), version: detail.version, undo: new Undo(base) };
     this.works.set(detail.id, work);
     return work;
   }

@@ -1,14 +1,10 @@
-/** Hands a file to the browser's downloads. */
+/** Hands an address of this server to the browser's downloads; the server names the file. */
 
-const KEPT_MS = 60_000;
-
-export function save(name: string, blob: Blob): void {
-  const url = URL.createObjectURL(blob);
+export function download(url: string): void {
   const link = document.createElement("a");
   link.href = url;
-  link.download = name;
+  link.download = "";
   document.body.append(link);
   link.click();
   link.remove();
-  setTimeout(() => URL.revokeObjectURL(url), KEPT_MS);
 }
