@@ -360,7 +360,7 @@ class Library:
         tail = cad_id.rsplit("/", 1)[-1].lower()
         close = [i for i in self._models if tail and tail in i.lower()][:3]
         close = close or difflib.get_close_matches(cad_id, list(self._models), 3, 0.5)
-        return f"; did you mean {' or '.join(close)}" if close else ""
+        return f"; did you mean {' or '.join(close)}" if close else "; `cadpose library list` names them"
 
     @contextmanager
     def _database(self, write: bool = False) -> Iterator[sqlite3.Connection]:

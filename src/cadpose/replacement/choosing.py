@@ -25,7 +25,7 @@ def model_named(library: Library, text: str) -> CadModel:
     if not named:
         return library.get(text)
     if len(named) > 1:
-        ids = ", ".join(model.id for model in named[:_SHOWN])
+        ids = ", ".join(f"{model.id} ({model.category})" for model in named[:_SHOWN])
         more = f" and {len(named) - _SHOWN} more" if len(named) > _SHOWN else ""
         raise InputError(f"{len(named)} models are called {text!r}: name one by its id: {ids}{more}")
     return named[0]

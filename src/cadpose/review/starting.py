@@ -122,6 +122,8 @@ def run_review(
         raise
     if desk.models.why:
         warn(desk.models.why)
+    if not desk.store.revision_found:
+        warn(f"a new, empty store was made: {desk.store.place}")
 
     def up() -> None:
         tell(opened.url)

@@ -127,7 +127,8 @@ def _ready(file: Path, create: bool) -> None:
         elif not file.exists():
             raise CadposeError(f"there is no store at {file}: `cadpose db init` makes one")
     except (OSError, ValueError) as error:
-        raise CadposeError(f"cannot make the folder of the store {file}: {error}") from None
+        reason = getattr(error, "strerror", None) or error
+        raise CadposeError(f"cannot make the folder of the store {file}: {reason}") from None
 
 
 # Made once: `json.dumps` would make one for every value.
