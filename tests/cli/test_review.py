@@ -32,7 +32,14 @@ PROGRAM = [sys.executable, "-c", "from cadpose.cli.main import main; main()", "r
 def running(*arguments: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The server's process and the address it told, token included."""
     command = [*PROGRAM, "--json", *map(str, arguments)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # A shell's background job ignores Ctrl-C, and its children do too unless told otherwise.
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     try:
         assert process.stdout is not None
         line = process.stdout.readline()

@@ -92,15 +92,20 @@ def fuzz(
         for target in _targets(make, Path(folder) / "told"):
             _read(target)  # a right file that is refused is the family's own mistake
         while first < inputs and len(outcome.failures) < most_failures:
-            first = _process(outcome, make, Path(folder), (first, inputs, seed), kept)
+            first = _process(outcome, make, Path(folder), (first, inputs, seed), kept, most_failures)
     outcome.seconds = round(time.monotonic() - start, 1)
     return outcome
 
 
 def _process(
-    outcome: Outcome, make: Make, folder: Path, span: tuple[int, int, int], kept: Path | None
+    outcome: Outcome,
+    make: Make,
+    folder: Path,
+    span: tuple[int, int, int],
+    kept: Path | None,
+    most_failures: int,
 ) -> int:
-    """Read files in one process until it ends; the number of the next one."""
+    """Read files in one process until it ends or has failed often; the number of the next one."""
     first, inputs, seed = span
     here, there = multiprocessing.get_context("fork").Pipe()
     process = multiprocessing.get_context("fork").Process(
@@ -127,6 +132,10 @@ def _process(
             outcome.megabytes = max(outcome.megabytes, message["megabytes"])
             if message["failure"]:
                 _tell(outcome, message["name"], message["data"], (number - 1, seed), message["failure"], kept)
+                if len(outcome.failures) >= most_failures:
+                    process.kill()
+                    process.join()
+                    break
         elif time.monotonic() - since > 2 * SECONDS:
             failure = f"it took more than {2 * SECONDS:g} s"
             process.kill()
