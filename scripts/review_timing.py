@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import statistics
 import sys
 import tempfile
@@ -88,9 +89,12 @@ def corrections(desk: Desk, count: int) -> dict[str, float]:
         desk.becomes("azimuth", azimuth - TURNED)
         asked = time.perf_counter()
         desk.press("s")
-        desk.notice("Snapped in")
+        told = desk.notice("Snapped in")
         snaps.append(time.perf_counter() - asked)
-        after_iou.append(desk.iou())
+        # The number beside the sliders follows only after the picture is drawn.
+        found = re.search(r"Mask IoU .*?([01]\.\d\d)\.", told)
+        if found is not None:
+            after_iou.append(float(found[1]))
         desk.press("a")
         desk.page.wait_for_function("id => location.hash.slice(2) !== id", arg=item)
         totals.append(time.perf_counter() - began)
