@@ -16,16 +16,17 @@ from PIL import Image
 from cadpose.annotations.document import AnnotationDocument
 from cadpose.annotations.files import write_atomic
 from cadpose.annotations.overlay import draw_overlay, overlay_cameras
+from cadpose.annotations.pose_parts import pose_json, pose_of
 from cadpose.annotations.scenes.gltf_meshes import single_mesh_glb
 from cadpose.annotations.style import jpeg_bytes, png_bytes
+from cadpose.detection.coco_writing import compressed_mask
 from cadpose.errors import DependencyError, InputError
 from cadpose.library.catalogue import Library
 from cadpose.library.mesh import Mesh
 from cadpose.photos import read_photo
-from cadpose.poses import Pose4Dof, Rotation
+from cadpose.poses import Pose4Dof
 from cadpose.records import Annotation, Photo
 from cadpose.rendering.raster import Rasteriser
-from cadpose.rle import encode_mask, text_from_runs
 
 #: Longest side of the photo that is sent to a widget; its pose is told in the photo's own pixels.
 MAX_SIDE = 1600
@@ -193,25 +194,15 @@ def _missing() -> str | None:
 
 
 def _widget(photo: Photo, annotation: Annotation, mesh: Mesh) -> Any:
-    mask, pose = annotation.detection.mask, annotation.pose
+    mask = annotation.detection.mask
     image = Image.fromarray(np.ascontiguousarray(photo.rgb))
     image.thumbnail((MAX_SIDE, MAX_SIDE), Image.Resampling.LANCZOS)
-    rle = None
-    if mask is not None:
-        rle = {"size": list(mask.shape), "counts": text_from_runs(encode_mask(mask))}
     return _widget_class()(
         photo_png=png_bytes(image),
         photo_size=[photo.width, photo.height],
         model_glb=single_mesh_glb(mesh, annotation.cad.name or annotation.cad.id),
-        pose={
-            "azimuth": pose.rotation.azimuth,
-            "elevation": pose.rotation.elevation,
-            "inplane": pose.rotation.inplane,
-            "focal_px": pose.focal_px,
-            "principal_px": [float(value) for value in pose.principal_px],
-            "t_z": pose.t_z,
-        },
-        mask_rle=rle,
+        pose=pose_json(annotation.pose),
+        mask_rle=None if mask is None else compressed_mask(mask),
     )
 
 
@@ -238,9 +229,6 @@ def _widget_class() -> Any:
         @property
         def pose_4dof(self) -> Pose4Dof:
             """The pose as it stands now, perhaps turned by hand."""
-            told = self.pose
-            x, y = told["principal_px"]
-            rotation = Rotation(told["azimuth"], told["elevation"], told["inplane"])
-            return Pose4Dof(rotation, told["focal_px"], (float(x), float(y)), told["t_z"])
+            return pose_of(self.pose)
 
     return PoseWidget

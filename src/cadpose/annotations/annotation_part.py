@@ -19,7 +19,7 @@ from cadpose.annotations.parts import (
     plain_json,
     plain_text,
 )
-from cadpose.annotations.pose_parts import Depth, Pose6DofPart, RefinementPart
+from cadpose.annotations.pose_parts import Depth, Pose6DofPart, RefinementPart, depth_of
 from cadpose.records import Annotation, Verdict
 
 
@@ -69,8 +69,8 @@ class AnnotationPart(Part):
 
     @model_validator(mode="after")
     def _depth_is_what_the_pose_tells(self) -> Self:
-        if self.depth != _depth(self.pose_6dof):
-            raise ValueError(f"depth is {self.depth}, but pose_6dof says {_depth(self.pose_6dof)}")
+        if self.depth != depth_of(self.pose_6dof):
+            raise ValueError(f"depth is {self.depth}, but pose_6dof says {depth_of(self.pose_6dof)}")
         return self
 
     @classmethod
@@ -98,7 +98,7 @@ class AnnotationPart(Part):
             if annotation.none_probability is None
             else float(annotation.none_probability),
             cad_needs_review=bool(annotation.cad_needs_review),
-            depth=_depth(whole),
+            depth=depth_of(whole),
             pose_6dof=whole,
             refinement=None if changed is None else RefinementPart.of(changed),
             confidence=None if annotation.confidence is None else float(annotation.confidence),
@@ -130,9 +130,3 @@ class AnnotationPart(Part):
             confidence=self.confidence,
             verdict=self.verdict,
         )
-
-
-def _depth(pose: Pose6DofPart | None) -> Depth:
-    if pose is None:
-        return "ratio"
-    return "scale" if pose.diagonal_m is None else "metric"

@@ -106,8 +106,10 @@ class AnnotationDocument(Part):
             with path.open(encoding="utf-8") as file:
                 text = file.read(MAX_CHARACTERS + 1)
         except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is no text"
-            raise InputError(f"{path} cannot be read: {reason}") from None
+            reason = getattr(error, "strerror", None) or "not UTF-8"
+            raise InputError(
+                f"{path} cannot be read ({reason}): name documents of `cadpose annotate`"
+            ) from None
         return cls.from_json(text, str(path))
 
     def to_annotations(self) -> list[Annotation]:

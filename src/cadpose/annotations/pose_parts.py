@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from cadpose.annotations.parts import Matrix3, Part, PosePart, Positive, Row3, plain_text
-from cadpose.poses import PhotoCamera, Pose6Dof
+from cadpose.poses import PhotoCamera, Pose4Dof, Pose6Dof, Rotation
 from cadpose.records import Refinement
 
 #: ``ratio``: only f / t_z was seen, t_z is a convention. ``scale``: the camera is known, so t is in model
@@ -103,6 +104,33 @@ class RefinementPart(Part):
             self.evaluations,
             self.expected_error,
         )
+
+
+def depth_of(pose: Pose6Dof | Pose6DofPart | None) -> Depth:
+    """What a pose in the real camera, or its absence, says of the distance."""
+    if pose is None:
+        return "ratio"
+    return "scale" if pose.diagonal_m is None else "metric"
+
+
+def pose_json(pose: Pose4Dof) -> dict[str, Any]:
+    """A pose as it is kept with decisions and told to other programs: its numbers, without the matrices."""
+    rotation, (x, y) = pose.rotation, pose.principal_px
+    return {
+        "azimuth": rotation.azimuth,
+        "elevation": rotation.elevation,
+        "inplane": rotation.inplane,
+        "focal_px": float(pose.focal_px),
+        "principal_px": [float(x), float(y)],
+        "t_z": float(pose.t_z),
+    }
+
+
+def pose_of(data: Mapping[str, Any]) -> Pose4Dof:
+    """Back from JSON, with or without the matrices."""
+    x, y = data["principal_px"]
+    rotation = Rotation(data["azimuth"], data["elevation"], data["inplane"])
+    return Pose4Dof(rotation, data["focal_px"], (x, y), data["t_z"])
 
 
 def _row3(values: list[float]) -> Row3:

@@ -136,10 +136,15 @@ class Store:
         """
         return writing.add_documents(self._database, documents)
 
-    def photos(self) -> list[StoredPhoto]:
-        """All photos, by name."""
+    def photos(self, limit: int | None = None) -> list[StoredPhoto]:
+        """All photos, or the first so many, by name."""
         with self._database.reading() as connection:
-            return reading.photos(connection)
+            return reading.photos(connection, limit)
+
+    def photo(self, photo_sha256: str) -> StoredPhoto | None:
+        """One photo, None where the store holds none of that digest."""
+        with self._database.reading() as connection:
+            return reading.photo(connection, photo_sha256)
 
     def document(self, photo_sha256: str, *, original: bool = False) -> AnnotationDocument | None:
         """The document of one photo, or None.

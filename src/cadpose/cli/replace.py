@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -67,6 +68,7 @@ def replace(
 ) -> None:
     """Put another CAD model in the place of an object of a photo."""
     from cadpose.annotations.files import spare_photos, write_atomic
+    from cadpose.annotations.pose_parts import pose_json
     from cadpose.annotations.style import png_bytes
     from cadpose.library.catalogue import Library
     from cadpose.photos import read_photo
@@ -102,22 +104,8 @@ def replace(
                     "licence": model.licence,
                     "creator": model.creator,
                 },
-                "pose": {
-                    "azimuth": replaced.pose.rotation.azimuth,
-                    "elevation": replaced.pose.rotation.elevation,
-                    "inplane": replaced.pose.rotation.inplane,
-                    "focal_px": replaced.pose.focal_px,
-                    "principal_px": list(replaced.pose.principal_px),
-                    "t_z": replaced.pose.t_z,
-                },
-                "light": {
-                    "direction": list(replaced.light.direction),
-                    "ambient": replaced.light.ambient,
-                    "key": replaced.light.key,
-                    "colour": list(replaced.light.colour),
-                    "confidence": replaced.light.confidence,
-                    "guessed": replaced.light.guessed,
-                },
+                "pose": pose_json(replaced.pose),
+                "light": asdict(replaced.light),
                 "inpainter": replaced.inpainter,
                 "seconds": {stage: round(told, 3) for stage, told in replaced.seconds.items()},
                 "files": {kind: str(file) for kind, file in files.by_kind.items()},

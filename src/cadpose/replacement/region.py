@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from cadpose.geometry.frames import FloatArray
 from cadpose.library.mesh import Mesh
 from cadpose.poses import Pose4Dof
 from cadpose.records import Mask
@@ -23,12 +24,19 @@ def floor_row(mesh: Mesh, pose: Pose4Dof) -> float:
 
     Infinite where the ground is not seen from above.
     """
+    pixels = _footprint(mesh, pose)
+    return float("inf") if pixels is None else float(pixels[:, 1].min())
+
+
+def _footprint(mesh: Mesh, pose: Pose4Dof) -> FloatArray | None:
+    """(P, 2) pixels of a model's lowest parts, put onto the ground; None where it is not seen from above."""
     y = ground_height(mesh)
-    if -(pose.rotation.to_matrix().T @ np.array([0.0, 0.0, pose.t_z]))[1] <= y:
-        return float("inf")
+    eye = -(pose.rotation.to_matrix().T @ np.array([0.0, 0.0, pose.t_z]))
+    if eye[1] <= y:
+        return None
     low = mesh.hull[mesh.hull[:, 1] < y + 0.12]
-    rows = pose.project(np.stack([low[:, 0], np.full(len(low), y), low[:, 2]], axis=1))[:, 1]
-    return float(rows.min()) if np.isfinite(rows).all() else float("inf")
+    pixels = pose.project(np.stack([low[:, 0], np.full(len(low), y), low[:, 2]], axis=1))
+    return pixels if np.isfinite(pixels).all() else None
 
 
 def removed_region(mask: Mask, silhouette: Mask, contact: Mask) -> Mask:
@@ -61,16 +69,9 @@ def contact_region(mesh: Mesh, pose: Pose4Dof, mask: Mask) -> Mask:
 
     Nothing where the ground is not seen from above, or where most of it lies away from ``mask``.
     """
-    y = ground_height(mesh)
-    R = pose.rotation.to_matrix()
-    empty = np.zeros(mask.shape, np.bool_)
-    if -(R.T @ np.array([0.0, 0.0, pose.t_z]))[1] <= y:
-        return empty
-    low = mesh.hull[mesh.hull[:, 1] < y + 0.12]
-    ground = np.stack([low[:, 0], np.full(len(low), y), low[:, 2]], axis=1)
-    pixels = pose.project(ground)
-    if not np.isfinite(pixels).all() or np.abs(pixels).max() > 1e5:
-        return empty
+    pixels = _footprint(mesh, pose)
+    if pixels is None or np.abs(pixels).max() > 1e5:
+        return np.zeros(mask.shape, np.bool_)
     hull = _filled(cv2.convexHull(pixels.astype(np.float32))[:, 0], mask.shape)
     ys, xs = np.nonzero(mask)
     side = 1 + max(int(np.ptp(ys)), int(np.ptp(xs)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -12,7 +11,7 @@ from pathlib import Path
 from platformdirs import user_data_dir
 
 from cadpose import __version__
-from cadpose.annotations.store import Author, Store, StoredAnnotation, StoredPhoto
+from cadpose.annotations.store import Author, Store, StoredAnnotation
 from cadpose.errors import InputError
 from cadpose.records import Annotation, Photo
 from cadpose.review.jobs import Jobs
@@ -25,8 +24,6 @@ from cadpose.review.turns import Slow
 
 #: Decoded photos and encoded pictures that stay in memory, bytes.
 PHOTO_BYTES, PICTURE_BYTES = 512 * 2**20, 128 * 2**20
-#: Seconds between two looks for photos that were added by others.
-_LOOK_AGAIN = 1.0
 _WRITE_PATIENCE = 30.0
 #: Seconds that opening an annotation waits for a moved photo to be found.
 _FIND_PATIENCE = 1.5
@@ -60,32 +57,18 @@ class Desk:
     _decoded: Kept[Photo] = field(
         default_factory=lambda: Kept(PHOTO_BYTES, lambda photo: photo.rgb.nbytes), init=False
     )
-    _names: dict[str, StoredPhoto] = field(default_factory=dict, init=False)
-    _named_at: float = field(default=-_LOOK_AGAIN, init=False)
-    _naming: threading.Lock = field(default_factory=threading.Lock, init=False)
     _writing: threading.Lock = field(default_factory=threading.Lock, init=False)
 
-    def photo_name(self, sha256: str) -> StoredPhoto:
-        """A photo of the store.
+    def photo_name(self, sha256: str) -> str:
+        """The name of a photo of the store.
 
         Raises:
             RefusedError: it holds none with that digest.
         """
-        with self._naming:
-            if sha256 not in self._names and time.monotonic() - self._named_at > _LOOK_AGAIN:
-                self._names = {photo.sha256: photo for photo in self.store.photos()}
-                self._named_at = time.monotonic()
-            found = self._names.get(sha256)
+        found = self.store.photo(sha256)
         if found is None:
             raise not_found("the store holds no such photo")
-        return found
-
-    def some_photos(self, count: int) -> list[StoredPhoto]:
-        """The first photos of the store."""
-        with self._naming:
-            if not self._names:
-                self._names = {photo.sha256: photo for photo in self.store.photos()}
-            return list(self._names.values())[:count]
+        return found.name
 
     def photo(self, sha256: str, name: str) -> Photo:
         """A decoded photo, kept in memory for a while.

@@ -115,7 +115,7 @@ def needs(desk: Desk, name: str) -> str:
     if name in _WHOLE and desk.models.library is None:
         return "it holds the CAD models, and no library is opened: start with --library"
     if name in _WHOLE:
-        some = desk.some_photos(_SAMPLE)
+        some = desk.store.photos(_SAMPLE)
         if some and not any(desk.photos.path(photo.sha256, photo.name) for photo in some):
             return "it holds the photos, and they are not at hand: start with --photos and their folder"
     return ""

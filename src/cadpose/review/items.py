@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Path, Query, Response
 
+from cadpose.annotations.pose_parts import depth_of
 from cadpose.annotations.store import Selection, StoredAnnotation, StoredDecision
 from cadpose.errors import InputError
-from cadpose.records import Annotation
 from cadpose.review.answers import (
     AnnotationAnswer,
     CandidateTold,
@@ -138,16 +138,10 @@ def told_annotation(desk: Desk, found: StoredAnnotation) -> AnnotationAnswer:
         edited=item.edited,
         box_iou=now.box_iou,
         mask_iou=now.mask_iou,
-        depth=_depth(now),
+        depth=depth_of(now.pose_6dof),
         history=[_decided(decision) for decision in desk.store.history(item.annotation_id)],
         siblings=ids if item.annotation_id in ids else [*ids, item.annotation_id],
     )
-
-
-def _depth(annotation: Annotation) -> Literal["ratio", "scale", "metric"]:
-    if annotation.pose_6dof is None:
-        return "ratio"
-    return "scale" if annotation.pose_6dof.diagonal_m is None else "metric"
 
 
 def _decided(decision: StoredDecision) -> Decided:

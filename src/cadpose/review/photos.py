@@ -34,10 +34,10 @@ def photo_routes(desk: Desk) -> APIRouter:
     def image(
         sha256: PhotoDigest, side: Annotated[int, Query(ge=LEAST_SIDE, le=MOST_SIDE)] = USUAL_SIDE
     ) -> Response:
-        known = desk.photo_name(sha256)
+        name = desk.photo_name(sha256)
 
         def draw() -> bytes:
-            return photo_jpeg(desk.photo(sha256, known.name), side)
+            return photo_jpeg(desk.photo(sha256, name), side)
 
         try:
             picture = desk.pictures.made(f"photo 1 {sha256} {side}", draw)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from fastapi import APIRouter
 
+from cadpose.annotations.database.standing import SETTLING
 from cadpose.annotations.store import Selection
 from cadpose.review.answers import (
     Agreement,
@@ -16,9 +19,6 @@ from cadpose.review.answers import (
 )
 from cadpose.review.desk import Desk
 
-#: Verdicts of a person after which an annotation counts as decided; "later" is none.
-FINAL = ("accept", "edit", "reject")
-
 
 def statistics_routes(desk: Desk) -> APIRouter:
     """Both routes."""
@@ -28,39 +28,21 @@ def statistics_routes(desk: Desk) -> APIRouter:
     def progress() -> ProgressAnswer:
         return ProgressAnswer(
             total=desk.store.count(),
-            decided=desk.store.count(Selection(decided_by="human", verdicts=FINAL)),
+            decided=desk.store.count(Selection(decided_by="human", verdicts=SETTLING)),
         )
 
     @routes.get("/stats")
     def stats() -> StatsAnswer:
         told = desk.store.reviewing()
-        people, machine = told.between_people, told.with_machine
         return StatsAnswer(
             total=told.total,
             decided=told.decided,
             by_verdict=told.by_verdict,
-            authors=[
-                AuthorTold(
-                    author=pace.author,
-                    decisions=pace.decisions,
-                    last_hour=pace.last_hour,
-                    median_seconds=pace.median_seconds,
-                )
-                for pace in told.authors
-            ],
+            authors=[AuthorTold(**asdict(pace)) for pace in told.authors],
             days=[DayTold(day=day, decisions=count) for day, count in told.days],
             agreement=Agreement(
-                between_people=BetweenPeople(
-                    pairs=people.pairs,
-                    same_verdict=people.same_verdict,
-                    median_rotation_deg=people.median_rotation_deg,
-                ),
-                with_machine=WithMachine(
-                    decided=machine.decided,
-                    accepted_unchanged=machine.accepted_unchanged,
-                    edited=machine.edited,
-                    rejected=machine.rejected,
-                ),
+                between_people=BetweenPeople(**asdict(told.between_people)),
+                with_machine=WithMachine(**asdict(told.with_machine)),
             ),
         )
 

@@ -1,4 +1,4 @@
-"""Refining and measuring poses for the page: each by one thread at a time, whatever else goes on."""
+"""Refining and measuring poses for the page, whatever else goes on."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Studio:
         self.device = device
         self.renderer = Rasteriser()
         self._placement = Placement(self.renderer)
-        self._measuring, self._refining = threading.Lock(), threading.Lock()
+        self._measuring = threading.Lock()
 
     @cached_property
     def _refiner(self) -> Refiner:
@@ -89,15 +89,16 @@ class Studio:
     ) -> tuple[Pose4Dof, Refinement]:
         """The pose near ``start`` that fits best, by the refinement of ``cadpose annotate --refine``.
 
+        Called for one request at a time, whose turn its route waits for.
+
         Raises:
             InputError: the start cannot be drawn, or the box lies outside the photo.
             DependencyError: the network's weights are missing.
-            RefusedError: another pose is being refined for too long.
         """
         inside = box.clipped(photo.width, photo.height)
         if inside is None:
             raise InputError("the box lies outside the photo")
-        with self._turn(self._refining), _as_input():
+        with _as_input():
             crop = ObjectCrop.of(photo.rgb, inside, mask)
             draw = partial(self.renderer.render, mesh)
             refined = self._refiner.refine(crop, start, draw, mode, symmetry=symmetry)

@@ -23,6 +23,9 @@ def test_documents_come_back_exactly(url: str) -> None:
     with Store(url) as store:
         assert [photo.name for photo in store.photos()] == ["a.jpg", "b.jpg"]
         assert store.photos()[1].width == 120
+        photo = store.photos()[0]
+        assert store.photos(1) == [photo] and store.photo(photo.sha256) == photo
+        assert store.photo("0" * 64) is None
         for document in (first, second):
             for original in (True, False):
                 again = store.document(document.photo.sha256, original=original)

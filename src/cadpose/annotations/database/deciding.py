@@ -9,7 +9,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from cadpose.annotations.database import tables as t
-from cadpose.annotations.database.editing import pose_json, pose_of, region_json, region_of
+from cadpose.annotations.database.editing import region_json, region_of
 from cadpose.annotations.database.engine import fetch, insert_new, lock_photos
 from cadpose.annotations.database.results import (
     VERDICTS,
@@ -22,6 +22,7 @@ from cadpose.annotations.database.results import (
 from cadpose.annotations.database.rows import Row, add_cad, cad_json, ordered, short_digest
 from cadpose.annotations.database.settling import settle
 from cadpose.annotations.parts import CadPart, plain_text
+from cadpose.annotations.pose_parts import pose_json, pose_of
 from cadpose.errors import InputError
 from cadpose.records import CadModel, Pose4Dof
 

@@ -12,32 +12,12 @@ import numpy as np
 from cadpose.annotations.annotation_part import AnnotationPart
 from cadpose.annotations.database.results import Region
 from cadpose.annotations.parts import CadPart, DetectionPart, PosePart
-from cadpose.annotations.pose_parts import Pose6DofPart
+from cadpose.annotations.pose_parts import Pose6DofPart, depth_of, pose_of
 from cadpose.detection.flags import flagged
 from cadpose.geometry.boxes import Box
-from cadpose.poses import Pose4Dof, Pose6Dof, Rotation
+from cadpose.poses import Pose6Dof
 from cadpose.records import Detection
 from cadpose.rle import decode_mask, encode_mask
-
-
-def pose_json(pose: Pose4Dof) -> dict[str, Any]:
-    """A pose as it is kept with a decision: its numbers, without the matrices."""
-    rotation, (x, y) = pose.rotation, pose.principal_px
-    return {
-        "azimuth": rotation.azimuth,
-        "elevation": rotation.elevation,
-        "inplane": rotation.inplane,
-        "focal_px": float(pose.focal_px),
-        "principal_px": [float(x), float(y)],
-        "t_z": float(pose.t_z),
-    }
-
-
-def pose_of(data: Mapping[str, Any]) -> Pose4Dof:
-    """Back from JSON, with or without the matrices."""
-    x, y = data["principal_px"]
-    rotation = Rotation(data["azimuth"], data["elevation"], data["inplane"])
-    return Pose4Dof(rotation, data["focal_px"], (x, y), data["t_z"])
 
 
 def region_json(region: Region) -> dict[str, Any]:
@@ -88,8 +68,7 @@ def edited(
         known = part.pose_6dof
         diagonal = known.diagonal_m if cad is None else _diagonal_m(cad)
         whole = Pose6DofPart.of(Pose6Dof.from_4dof(pose, known.pose().camera, diagonal))
-        data["pose_6dof"] = whole.model_dump(mode="json")
-        data["depth"] = "scale" if diagonal is None else "metric"
+        data |= {"pose_6dof": whole.model_dump(mode="json"), "depth": depth_of(whole)}
     data["provenance"]["edited"] = {name: edit[name] for name in ("by", "kind", "at")}
     return AnnotationPart.model_validate_json(json.dumps(data))
 

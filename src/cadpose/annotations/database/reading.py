@@ -34,11 +34,19 @@ _CAD_NAMES = [column.name for column in t.CADS.c]
 _TEXT = sa.cast(t.ANNOTATIONS.c.document, sa.Text).label("text")
 
 
-def photos(connection: sa.Connection) -> list[StoredPhoto]:
-    """All photos, by name."""
+def photos(connection: sa.Connection, limit: int | None = None) -> list[StoredPhoto]:
+    """All photos, or the first so many, by name."""
     p = t.PHOTOS.c
-    query = sa.select(p.sha256, p.name, p.width, p.height).order_by(p.name, p.sha256)
+    query = sa.select(p.sha256, p.name, p.width, p.height).order_by(p.name, p.sha256).limit(limit)
     return [StoredPhoto(*row) for row in connection.execute(query)]
+
+
+def photo(connection: sa.Connection, photo_sha256: str) -> StoredPhoto | None:
+    """One photo."""
+    p = t.PHOTOS.c
+    query = sa.select(p.sha256, p.name, p.width, p.height).where(p.sha256 == photo_sha256)
+    row = connection.execute(query).first()
+    return None if row is None else StoredPhoto(*row)
 
 
 def document(connection: sa.Connection, photo_sha256: str, original: bool) -> AnnotationDocument | None:

@@ -13,10 +13,10 @@ from typing import Any
 import sqlalchemy as sa
 
 from cadpose.annotations.database import tables as t
-from cadpose.annotations.database.editing import pose_of
 from cadpose.annotations.database.engine import fetch
 from cadpose.annotations.database.selection import UNDECIDED
 from cadpose.annotations.database.standing import SETTLING
+from cadpose.annotations.pose_parts import pose_of
 
 #: Longer than this between two decisions of one person is a pause.
 PAUSE = timedelta(minutes=10)

@@ -12,7 +12,7 @@ from sqlalchemy import make_url
 from sqlalchemy.exc import ArgumentError
 
 from cadpose.annotations.annotation_part import AnnotationPart
-from cadpose.annotations.document import MAX_CHARACTERS, AnnotationDocument
+from cadpose.annotations.document import AnnotationDocument
 from cadpose.annotations.formats.target import portable_name
 from cadpose.annotations.parts import CadPart
 from cadpose.annotations.store import UNDECIDED, Store
@@ -195,11 +195,7 @@ def _is_document(path: Path) -> bool:
 
 
 def _document(path: Path) -> AnnotationDocument:
-    try:
-        if not path.is_file():
-            raise InputError(f"there is no file or folder {path}: name documents of `cadpose annotate`")
-        with path.open(encoding="utf-8") as file:
-            return AnnotationDocument.from_json(file.read(MAX_CHARACTERS + 1), str(path))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not UTF-8"
-        raise InputError(f"{path} cannot be read ({reason}): name documents of `cadpose annotate`") from error
+    # Looked at before it is opened: a pipe would wait for a writer.
+    if not path.is_file():
+        raise InputError(f"there is no file or folder {path}: name documents of `cadpose annotate`")
+    return AnnotationDocument.read(path)

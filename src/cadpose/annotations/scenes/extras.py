@@ -7,6 +7,7 @@ from typing import Any
 
 from cadpose import __version__
 from cadpose.annotations.document import AnnotationDocument
+from cadpose.annotations.pose_parts import pose_json
 from cadpose.annotations.scenes.layout import PlacedModel, diagonal_metres
 
 #: The key under which readers find all of it.
@@ -33,7 +34,6 @@ def photo_title(document: AnnotationDocument) -> str:
 def model_extras(model: PlacedModel) -> dict[str, Any]:
     """What the node of one model says, in JSON's types."""
     annotation, cad = model.annotation, model.annotation.cad
-    pose = annotation.pose
     return {
         "annotation": model.number,
         "category": annotation.detection.category,
@@ -45,14 +45,7 @@ def model_extras(model: PlacedModel) -> dict[str, Any]:
             "source": cad.source,
             "sha256": cad.sha256,
         },
-        "pose": {
-            "azimuth": pose.rotation.azimuth,
-            "elevation": pose.rotation.elevation,
-            "inplane": pose.rotation.inplane,
-            "focal_px": pose.focal_px,
-            "principal_px": [float(value) for value in pose.principal_px],
-            "t_z": pose.t_z,
-        },
+        "pose": pose_json(annotation.pose),
         "metres_per_diagonal": diagonal_metres(annotation),
         "stretch": list(model.stretch),
     }
