@@ -6,6 +6,7 @@
 # make browser  Chromium, three.js, the glTF validator and axe, for the tests of exported scenes and of the review page
 # make detectors  what DetectoRS needs but for its weights (PyTorch among it); its tests run when it is there
 # make web  builds the review page from web/ into src/cadpose/review/static, where it is committed; needs node 20.19
+# make docs  the documentation as a site, runs/site/index.html; a broken link or anchor fails it
 # make fuzz  200,000 damaged files of each family into their readers: hours, for a nightly run
 # The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
 
@@ -14,7 +15,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 APT    := $(shell [ "$$(id -u)" = 0 ] || echo sudo) apt-get
 
-.PHONY: demo test test-fast lint models blender postgres browser ray detectors web web-packages fuzz clean
+.PHONY: demo test test-fast lint models blender postgres browser ray detectors web web-packages docs fuzz clean
 
 demo: $(VENV)/.demo models
 	$(BIN)/cadpose library add sweethome3d
@@ -73,6 +74,10 @@ ray: $(VENV)/.test
 	$(BIN)/python -m pip install -q -e '.[ray]'
 
 fuzz: $(VENV)/.test
+docs: $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@echo "The site: open runs/site/index.html"
+
 	$(BIN)/python -m tests.fuzzing --inputs 200000 --kept runs/fuzz
 
 detectors: $(VENV)/.test
@@ -94,4 +99,9 @@ $(VENV)/.test: pyproject.toml | $(BIN)/python
 	@touch $@ $(VENV)/.demo
 
 clean:
+# Beside the tests' extras, so that neither target takes away what the other one put there.
+$(VENV)/.docs: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install -q -e '.[docs]'
+	@touch $@
+
 	rm -rf $(VENV) web/node_modules runs .mypy_cache .ruff_cache .pytest_cache .hypothesis
