@@ -32,6 +32,7 @@ test-fast: $(VENV)/.test
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-logo
 	$(BIN)/mypy
 
 # The Debian package with 820 CC-licensed CAD models (120 MB).
@@ -73,11 +74,11 @@ web/node_modules/.package-lock.json: web/package-lock.json
 ray: $(VENV)/.test
 	$(BIN)/python -m pip install -q -e '.[ray]'
 
-fuzz: $(VENV)/.test
 docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 	@echo "The site: open runs/site/index.html"
 
+fuzz: $(VENV)/.test
 	$(BIN)/python -m tests.fuzzing --inputs 200000 --kept runs/fuzz
 
 detectors: $(VENV)/.test
@@ -98,10 +99,10 @@ $(VENV)/.test: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install -q -e '.[test,demo,train]'
 	@touch $@ $(VENV)/.demo
 
-clean:
 # Beside the tests' extras, so that neither target takes away what the other one put there.
 $(VENV)/.docs: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install -q -e '.[docs]'
 	@touch $@
 
-	rm -rf $(VENV) web/node_modules runs .mypy_cache .ruff_cache .pytest_cache .hypothesis
+clean:
+	rm -rf $(VENV) web/node_modules runs .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
