@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import re
 import subprocess
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -19,6 +21,43 @@ EXAMPLE = re.compile(r"^```python\n(>>>.*?)^```$", re.MULTILINE | re.DOTALL)
 def examples(page: Path) -> str:
     """The interactive examples of a page, in order, as one session."""
     return "\n".join(EXAMPLE.findall(page.read_text(encoding="utf-8")))
+
+
+PAGES = [REPOSITORY / "README.md", *sorted(DOCS.rglob("*.md"))]
+BLOCK = re.compile(r"^(<!-- runs -->\n)?```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+#: (page, whether it says that it runs, code) of every block of Python that is not a session.
+BLOCKS = [
+    pytest.param(bool(runs), code, id=f"{page.relative_to(REPOSITORY)}-{i}")
+    for page in PAGES
+    for i, (runs, code) in enumerate(BLOCK.findall(page.read_text(encoding="utf-8")))
+    if not code.startswith(">>>")
+]
+
+
+def test_blocks_are_found() -> None:
+    assert len(BLOCKS) >= 10
+    assert any(block.values[0] for block in BLOCKS)
+
+
+@pytest.mark.parametrize(("runs", "code"), BLOCKS)
+def test_python_on_a_page_is_python_and_imports_what_is_there(runs: bool, code: str) -> None:
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] == "cadpose":
+            module = import_module(node.module)
+            missing = [name.name for name in node.names if not hasattr(module, name.name)]
+            assert missing == [], f"{node.module} has no {missing}"
+        elif isinstance(node, ast.Import):
+            for name in node.names:
+                if name.name.partition(".")[0] == "cadpose":
+                    import_module(name.name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("runs", "code"), [block for block in BLOCKS if block.values[0]])
+def test_python_that_says_so_runs(runs: bool, code: str, tmp_path: Path) -> None:
+    script = tmp_path / "page.py"
+    script.write_text(code, encoding="utf-8")
+    subprocess.run([sys.executable, str(script)], check=True, cwd=tmp_path, timeout=300)
 
 
 @pytest.mark.parametrize("page", ["conventions.md"])
@@ -55,6 +94,32 @@ def test_every_core_dependency_is_accounted_for() -> None:
     names = {re.split(r"[<>=!~ \[;]", requirement)[0] for requirement in project["dependencies"]}
     headings = set(re.findall(r"^## `([^`]+)`$", (DOCS / "dependencies.md").read_text("utf-8"), re.MULTILINE))
     assert headings == names
+
+
+def test_the_site_builds_without_a_broken_link(tmp_path: Path) -> None:
+    """As `make docs` does; and nothing in it is fetched from elsewhere."""
+    pytest.importorskip("mkdocs", reason="mkdocs is not installed: pip install -e '.[docs]'")
+    pytest.importorskip("mkdocstrings", reason="mkdocstrings is not installed: pip install -e '.[docs]'")
+    command = [
+        sys.executable,
+        "-m",
+        "mkdocs",
+        "build",
+        "--strict",
+        "--quiet",
+        "--site-dir",
+        str(tmp_path / "site"),
+    ]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    pages = list((tmp_path / "site").rglob("*.html"))
+    assert len(pages) >= 25
+    for page in pages:
+        html = page.read_text(encoding="utf-8")
+        fetched = re.findall(
+            r"<(?:script|img|iframe|link rel=\"?stylesheet)[^>]*(?:src|href)=\"?(https?:[^\s\">]*)", html
+        )
+        assert fetched == [], page.name
 
 
 def test_no_placeholder_is_left() -> None:

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 
 class CadposeError(Exception):
-    """Anything that went wrong and can be told in one sentence, with the file and the mend."""
+    """Anything that went wrong and can be told in one sentence, with the file and the mend.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from cadpose import CadposeError, Library
+        >>> try:
+        ...     Library.open(Path("nowhere"))
+        ... except CadposeError as error:
+        ...     print(error)
+        There is no CAD library at nowhere; add models with `cadpose library add PATH` (...).
+    """
 
 
 class InputError(CadposeError):

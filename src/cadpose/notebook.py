@@ -90,6 +90,27 @@ def show(
             one than annotated.
         LibraryError: there is no library, or a model is not in it.
         DependencyError: a widget is asked for and anywidget or the widget's script is not there.
+
+    Examples:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> import numpy as np
+        >>> import trimesh
+        >>> import cadpose
+        >>> from cadpose.library.importers import add_path
+        >>> folder = Path(tempfile.mkdtemp())
+        >>> _ = trimesh.creation.box((0.4, 0.5, 1.0)).export(folder / "crate.obj")
+        >>> library = cadpose.Library.create(folder / "library")
+        >>> _ = add_path(library, folder / "crate.obj", category="box")
+        >>> photo = np.full((120, 160, 3), 200, np.uint8)
+        >>> known = cadpose.Detection(cadpose.Box(40, 30, 120, 90), "box", rotation=cadpose.Rotation(40, 20))
+        >>> annotator = cadpose.Annotator(
+        ...     library, masks="none", similarity="aligned", refine="off", cache=folder / "cache"
+        ... )
+        >>> picture = cadpose.show(annotator.annotate(photo, [known]), photo, library, interactive=False)
+        >>> picture.image.size
+        (960, 720)
+        >>> picture.save(folder / "crate.png")
     """
     annotations, folder = _annotations(annotation)
     picture = _photo(annotations, photo, folder)

@@ -78,8 +78,11 @@ class Annotator:
 
     Args:
         library: CAD library, its folder, or None for the default one (``cadpose library add``).
-        detector, masks, rotation, similarity, renderer: Names of backends (see
-            :mod:`cadpose.backends`) or objects that satisfy the stage's protocol.
+        detector: Finds the objects: a name (see ``cadpose.backends``) or a ``Detector``.
+        masks: Finds their pixels: a name or a ``MaskEstimator``.
+        rotation: Tells how they are turned: a name or a ``RotationEstimator``.
+        similarity: Ranks the models: a name or a ``SimilarityMeasure``.
+        renderer: Draws them: a name or a ``Renderer``.
         candidates: CAD models compared with each object.
         index: Chooses them by what the object looks like; the category's representatives if None.
         categories: Library categories to look for; None means all that the library holds.
@@ -96,6 +99,28 @@ class Annotator:
     Raises:
         LibraryError: the library is missing or empty, or has no model of a category asked for.
         CadposeError: a backend's name is unknown or its dependency is missing.
+
+    Examples:
+        A library of one crate, and a photo of a brown rectangle whose box and rotation are known:
+
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> import numpy as np
+        >>> import trimesh
+        >>> from cadpose import Annotator, Box, Detection, Library, Rotation
+        >>> from cadpose.library.importers import add_path
+        >>> folder = Path(tempfile.mkdtemp())
+        >>> _ = trimesh.creation.box((0.4, 0.5, 1.0)).export(folder / "crate.obj")
+        >>> _ = add_path(Library.create(folder / "library"), folder / "crate.obj", category="box")
+        >>> photo = np.full((120, 160, 3), 200, np.uint8)
+        >>> photo[30:90, 40:120] = (120, 80, 40)
+        >>> known = Detection(Box(40, 30, 120, 90), "box", rotation=Rotation(40, 20))
+        >>> annotator = Annotator(
+        ...     folder / "library", masks="none", similarity="aligned", refine="off", cache=folder / "cache"
+        ... )
+        >>> for annotation in annotator.annotate(photo, [known]):
+        ...     print(annotation.cad.name, annotation.pose.rotation, round(annotation.box_iou, 1))
+        crate Rotation(azimuth=40.0, elevation=20.0, inplane=0.0) 0.9
     """
 
     def __init__(
@@ -152,7 +177,7 @@ class Annotator:
         """The 4-DoF annotations of a photo, one an object; objects that fail are logged.
 
         Args:
-            photo: A path, a decoded :class:`Photo`, or (H, W, 3) uint8 RGB.
+            photo: A path, a decoded ``Photo``, or (H, W, 3) uint8 RGB.
             detections: Objects known from outside; None runs the detector.
 
         Raises:
@@ -167,7 +192,7 @@ class Annotator:
     def run(
         self, photo: Photo | NDArray[np.uint8] | Path | str, detections: Sequence[Detection] | None = None
     ) -> PhotoResult:
-        """As :meth:`annotate`, with the failures and the time each stage took."""
+        """As ``annotate``, with the failures and the time each stage took."""
         clock = Stopwatch()
         with clock.time("read"):
             picture = _photo(photo)

@@ -33,6 +33,16 @@ class Rotation:
 
     Raises:
         ValueError: an angle is not finite or the elevation is out of range.
+
+    Examples:
+        >>> from cadpose import Rotation
+        >>> turned = Rotation(azimuth=370, elevation=20)
+        >>> turned
+        Rotation(azimuth=10.0, elevation=20.0, inplane=0.0)
+        >>> turned.to_matrix().shape
+        (3, 3)
+        >>> round(turned.error_to(Rotation(40, 20)), 1)
+        30.0
     """
 
     azimuth: float
@@ -81,6 +91,13 @@ class Pose4Dof:
 
     Raises:
         ValueError: focal length or distance is not positive and finite.
+
+    Examples:
+        >>> from cadpose import Pose4Dof, Rotation
+        >>> pose = Pose4Dof(Rotation(0, 0), focal_px=300.0, principal_px=(200.0, 100.0))
+        >>> pose.project([[0.0, 0.0, 0.0], [0.1, 0.2, -0.4]])  # the model's origin, and a point at its front
+        array([[200.  , 100.  ],
+               [181.25,  62.5 ]])
     """
 
     rotation: Rotation
@@ -185,7 +202,7 @@ class Pose6Dof:
 
     @classmethod
     def from_4dof(cls, pose: Pose4Dof, camera: PhotoCamera, diagonal_m: float | None = None) -> Self:
-        """The same view in the photo's own camera, in closed form; :meth:`to_4dof` takes it back exactly.
+        """The same view in the photo's own camera, in closed form; ``to_4dof`` takes it back exactly.
 
         The virtual camera of ``pose`` looks along the line of sight through its principal point; it is turned
         back, and the distance is the one at which an object so far off the axis is as large (the geometric

@@ -44,6 +44,13 @@ class Photo:
 
     Raises:
         ValueError: ``rgb`` has another shape or type, or no pixel.
+
+    Examples:
+        >>> import numpy as np
+        >>> from cadpose import Photo
+        >>> photo = Photo(np.zeros((480, 640, 3), np.uint8), name="black")
+        >>> photo.width, photo.height, photo.name
+        (640, 480, 'black')
     """
 
     rgb: NDArray[np.uint8]
@@ -115,11 +122,17 @@ class Detection:
         rotation: A rotation given from outside, if any.
         alternatives: Other categories with their scores, best first.
         truncated: The box touches the photo's edge, so that part of the object may lie beyond it.
-        tiny: The box has too few pixels to be trusted; :mod:`cadpose.detection.flags` sets both.
+        tiny: The box has too few pixels to be trusted; ``cadpose.detection.flags`` sets both.
         unsure: There is an object, but its category is a guess; the detector sets it.
 
     Raises:
         ValueError: the score is outside [0, 1] or the mask is not a 2-D bool array.
+
+    Examples:
+        >>> from cadpose import Box, Detection, Rotation
+        >>> found = Detection(Box(100, 69, 685, 446), "motorbike", rotation=Rotation(275, 5))
+        >>> found.category, found.score, found.rotation.azimuth
+        ('motorbike', 1.0, 275.0)
     """
 
     box: Box
@@ -159,6 +172,12 @@ class CadModel:
 
     Raises:
         ValueError: the id or the category is empty.
+
+    Examples:
+        >>> from cadpose import CadModel
+        >>> van = CadModel("mymodels/van.glb", "Delivery van", "car", licence="CC0-1.0")
+        >>> van.name, van.category, van.licence
+        ('Delivery van', 'car', 'CC0-1.0')
     """
 
     id: str
@@ -325,6 +344,23 @@ class Annotation:
     Raises:
         ValueError: there is no candidate, the photo's size is not positive, an IoU or a probability is
             outside [0, 1], or the verdict is another word.
+
+    Examples:
+        >>> from cadpose import Annotation, Box, CadModel, Detection, Pose4Dof, Rotation
+        >>> from cadpose.records import Candidate, RotationHypothesis
+        >>> turned = Rotation(40, 20)
+        >>> annotation = Annotation(
+        ...     photo_name="photo.png",
+        ...     photo_sha256="",
+        ...     photo_size=(160, 120),
+        ...     detection=Detection(Box(40, 30, 120, 90), "car"),
+        ...     pose=Pose4Dof(turned, focal_px=180.0, principal_px=(84.0, 55.0)),
+        ...     candidates=(Candidate(CadModel("mymodels/van.glb", "Van", "car"), 1.0, turned),),
+        ...     hypotheses=(RotationHypothesis(turned, 1.0, 1.0),),
+        ...     box_iou=0.89,
+        ... )
+        >>> annotation.cad.name, annotation.offset_px, annotation.needs_review
+        ('Van', (4.0, -5.0), False)
     """
 
     photo_name: str

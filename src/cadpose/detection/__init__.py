@@ -8,7 +8,22 @@ from cadpose.records import Detection, Photo
 
 
 class Detector(Protocol):
-    """Finds the objects of a photo."""
+    """Finds the objects of a photo.
+
+    Examples:
+        >>> import numpy as np
+        >>> from cadpose import Box, Detection, Photo
+        >>> class Middle:
+        ...     name = "middle"
+        ...
+        ...     def detect(self, photo):
+        ...         w, h = photo.width, photo.height
+        ...         return [Detection(Box(w / 4, h / 4, 3 * w / 4, 3 * h / 4), "car", source=self.name)]
+        >>> Middle().detect(Photo(np.zeros((100, 200, 3), np.uint8)))[0].box
+        Box(x0=50.0, y0=25.0, x1=150.0, y1=75.0)
+
+        ``Annotator(detector=Middle())`` uses it.
+    """
 
     name: str
 

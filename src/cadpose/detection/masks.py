@@ -32,7 +32,24 @@ LEAST_BOX_IOU = 0.5
 
 
 class MaskEstimator(Protocol):
-    """Finds the pixels of the object that fills a box."""
+    """Finds the pixels of the object that fills a box.
+
+    Examples:
+        >>> import numpy as np
+        >>> from cadpose import Box, Photo
+        >>> class WholeBox:
+        ...     name = "whole-box"
+        ...
+        ...     def mask(self, photo, box):
+        ...         x0, y0, x1, y1 = (round(c) for c in box.clipped(photo.width, photo.height).to_tuple())
+        ...         mask = np.zeros((photo.height, photo.width), bool)
+        ...         mask[y0:y1, x0:x1] = True
+        ...         return mask
+        >>> WholeBox().mask(Photo(np.zeros((100, 200, 3), np.uint8)), Box(50, 25, 150, 75)).sum()
+        np.int64(5000)
+
+        ``Annotator(masks=WholeBox())`` uses it.
+    """
 
     name: str
 

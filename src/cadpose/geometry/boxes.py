@@ -16,6 +16,16 @@ class Box:
 
     Raises:
         ValueError: a corner is not finite or the rectangle is empty.
+
+    Examples:
+        >>> from cadpose import Box
+        >>> box = Box(10, 20, 110, 70)
+        >>> box.width, box.height, box.centre
+        (100, 50, (60.0, 45.0))
+        >>> box == Box.from_xywh(10, 20, 100, 50)
+        True
+        >>> box.clipped(80, 60)
+        Box(x0=10, y0=20, x1=80.0, y1=60.0)
     """
 
     x0: float

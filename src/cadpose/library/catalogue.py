@@ -63,6 +63,23 @@ class Library:
     Attributes:
         path: The folder.
         cache_size: How many meshes stay in memory.
+
+    Examples:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> import trimesh
+        >>> from cadpose import Library
+        >>> from cadpose.library.importers import add_path
+        >>> folder = Path(tempfile.mkdtemp())
+        >>> _ = trimesh.creation.box((0.4, 0.5, 1.0)).export(folder / "crate.obj")
+        >>> add_path(Library.create(folder / "library"), folder / "crate.obj", category="box").failed
+        ()
+        >>> library = Library.open(folder / "library")
+        >>> crate = library.models("box")[0]
+        >>> crate.name, crate.face_count, library.categories()
+        ('crate', 12, {'box': 1})
+        >>> library.mesh(crate).vertices.shape, library.symmetry(crate).name
+        ((8, 3), 'D2')
     """
 
     path: Path

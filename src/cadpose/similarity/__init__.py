@@ -12,7 +12,26 @@ from cadpose.records import Mask, Views
 
 
 class SimilarityMeasure(Protocol):
-    """Scores renders of the candidates against one crop."""
+    """Scores renders of the candidates against one crop.
+
+    Examples:
+        >>> import numpy as np
+        >>> from cadpose.records import Views
+        >>> class MeanColour:
+        ...     name = "mean-colour"
+        ...
+        ...     def score(self, crop, mask, views, *, aspect=None):
+        ...         mine = crop.reshape(-1, 3).mean(axis=0)
+        ...         theirs = views.over(255).reshape(len(views), -1, 3).mean(axis=1)
+        ...         return -np.linalg.norm(theirs - mine, axis=1)
+        >>> black, clear = np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8)
+        >>> clear[1] = 255  # the first is seen through, the second covers all
+        >>> views = Views(black, clear, np.ones((2, 8, 8), np.float32))
+        >>> MeanColour().score(np.zeros((8, 8, 3), np.uint8), None, views).round()
+        array([-442.,   -0.])
+
+        ``Annotator(similarity=MeanColour())`` uses it, in place of the joint ranking.
+    """
 
     name: str
 
