@@ -7,6 +7,7 @@
 # make detectors  what DetectoRS needs but for its weights (PyTorch among it); its tests run when it is there
 # make web  builds the review page from web/ into src/cadpose/review/static, where it is committed; needs node 20.19
 # make docs  the documentation as a site, runs/site/index.html; a broken link or anchor fails it
+# make wheel  wheel and source distribution into dist/, tried in clean virtualenvs of each Python at hand (3.11-3.13)
 # make fuzz  200,000 damaged files of each family into their readers: hours, for a nightly run
 # The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
 
@@ -15,7 +16,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 APT    := $(shell [ "$$(id -u)" = 0 ] || echo sudo) apt-get
 
-.PHONY: demo test test-fast lint models blender postgres browser ray detectors web web-packages docs fuzz clean
+.PHONY: demo test test-fast lint models blender postgres browser ray detectors web web-packages docs wheel fuzz clean
 
 demo: $(VENV)/.demo models
 	$(BIN)/cadpose library add sweethome3d
@@ -78,6 +79,9 @@ docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 	@echo "The site: open runs/site/index.html"
 
+wheel: $(VENV)/.test
+	$(BIN)/python scripts/check_wheel.py
+
 fuzz: $(VENV)/.test
 	$(BIN)/python -m tests.fuzzing --inputs 200000 --kept runs/fuzz
 
@@ -96,7 +100,7 @@ $(VENV)/.demo: pyproject.toml | $(BIN)/python
 	@touch $@
 
 $(VENV)/.test: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install -q -e '.[test,demo,train]'
+	$(BIN)/python -m pip install -q -e '.[test,demo,train,release]'
 	@touch $@ $(VENV)/.demo
 
 # Beside the tests' extras, so that neither target takes away what the other one put there.
@@ -105,4 +109,4 @@ $(VENV)/.docs: pyproject.toml | $(BIN)/python
 	@touch $@
 
 clean:
-	rm -rf $(VENV) web/node_modules runs .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) web/node_modules runs dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
