@@ -92,6 +92,8 @@ class AnnotationDocument(Part):
             # Unknown keys are quoted here, and they are whatever the file's author wrote.
             where = "".join(c if c.isprintable() else "?" for c in where[:120])
             fault = f"{where}: {first['msg']}" if where else first["msg"]
+            if first["loc"] == ("schema",) and first["type"] == "literal_error":
+                fault += "; another version of cadpose wrote it, read it with that one"
             more = f" (and {len(others)} more)" if others else ""
             raise InputError(f"{name} is not a valid {SCHEMA} document: {fault}{more}") from None
 

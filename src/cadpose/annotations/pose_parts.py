@@ -75,7 +75,8 @@ class RefinementPart(Part):
     start_score: float
     score: float
     evaluations: Annotated[int, Field(ge=0)]
-    expected_error: Annotated[float, Field(ge=0.0, le=180.0)] | None
+    # Documents of earlier versions lack it.
+    expected_error: Annotated[float, Field(ge=0.0, le=180.0)] | None = None
 
     @model_validator(mode="after")
     def _never_worse(self) -> Self:

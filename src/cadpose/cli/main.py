@@ -26,6 +26,7 @@ from cadpose.cli import (
     library,
     replace,
     review,
+    schema,
     synth,
     train,
 )
@@ -77,6 +78,7 @@ app.command("doctor")(doctor.doctor)
 app.command("export")(export.export)
 app.command("import")(import_.import_)
 app.command("bench")(bench.bench)
+app.command("schema")(schema.schema)
 app.command("review")(review.review)
 app.command("replace")(replace.replace)
 app.command("synth")(synth.synth)
