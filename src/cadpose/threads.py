@@ -4,8 +4,17 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from threading import local
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Answer = TypeVar("Answer")
 
 _allowed = 0
+_within = local()
 
 
 def cores() -> int:
@@ -46,3 +55,33 @@ def limit_threads(count: int) -> None:
     torch = sys.modules.get("torch")
     if torch is not None:
         torch.set_num_threads(count)
+
+
+def spread(work: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer]:
+    """``[work(item) for item in items]``, on as many threads as this process may have.
+
+    For work that gives up Python's lock: networks, rendering, products of matrices. Work within such work
+    stays on its thread, so that there are never more threads than told.
+    """
+    many = list(items)
+    count = threads()
+    if count == 1 or len(many) < 2 or getattr(_within, "now", False):
+        return [work(item) for item in many]
+
+    def alone(item: Item) -> Answer:
+        _within.now = True
+        return work(item)
+
+    return list(_pool(count, os.getpid()).map(alone, many))
+
+
+def shares(count: int) -> list[slice]:
+    """``count`` rows cut into as many parts as threads, for :func:`spread`."""
+    each = max(-(-count // threads()), 1)
+    return [slice(begin, min(begin + each, count)) for begin in range(0, count, each)]
+
+
+@lru_cache(maxsize=2)
+def _pool(count: int, process: int) -> ThreadPoolExecutor:
+    # A forked child has the parent's pool but not its threads: the process is part of the key.
+    return ThreadPoolExecutor(count, thread_name_prefix="cadpose")

@@ -32,6 +32,7 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.library.class_map import category_from_coco
 from cadpose.photos import crop_square
 from cadpose.records import Detection, Photo
+from cadpose.threads import spread
 
 #: How far Lite0's word counts against the SSD's.
 TRUST = 0.8
@@ -117,7 +118,7 @@ class EmbeddedDetector:
         self.propose = propose
         self.encoder = encoder or lite0()
         self.masks: MaskEstimator = masks or NetworkMasks(self.encoder.device)
-        self._ssd = Ssd()
+        self._ssd = Ssd(self.encoder.device)
 
     def detect(self, photo: Photo) -> list[Detection]:
         """Detections, best first.
@@ -152,7 +153,7 @@ class EmbeddedDetector:
 
     def _seen(self, photo: Photo, boxes: list[Box]) -> list[dict[str, float]]:
         """Lite0's category probabilities of each box."""
-        crops = np.stack([crop_square(photo.rgb, b, fill=GREY) for b in boxes])
+        crops = np.stack(spread(lambda box: crop_square(photo.rgb, box, fill=GREY), boxes))
         return category_probabilities(self.encoder.logits(crops))
 
     def _unboxed(

@@ -1,21 +1,25 @@
-"""SSD-MobileNetV2 trained on COCO, run by OpenCV: boxes with COCO classes, on the photo and on tiles of it.
+"""SSD-MobileNetV2 trained on COCO: boxes with COCO classes, on the photo and on tiles of it.
 
 The frozen graph of the TensorFlow model zoo comes inside a PyPI package whose metadata names no licence;
-it is used from there and never copied. OpenCV 4.10 to 5 read it alike.
+it is used from there and never copied.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from threading import Lock
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from cadpose.detection.ssd_boxes import decode
+from cadpose.detection.ssd_graph import ENCODINGS, IMAGES, SCORES, read_graph
+from cadpose.errors import DependencyError
 from cadpose.geometry.frames import FloatArray
+from cadpose.onnx_session import open_session
+from cadpose.threads import spread
 from cadpose.weights import ensure
 
 #: Side of the square that the network sees; the picture is stretched into it, as in training.
@@ -24,6 +28,9 @@ SIDE = 300
 QUARTERS = ((0.0, 0.0, 0.6, 0.6), (0.4, 0.0, 1.0, 0.6), (0.0, 0.4, 0.6, 1.0), (0.4, 0.4, 1.0, 1.0))
 #: A box this near to a border inside the photo, in shares of the tile, is taken for a cut object.
 CUT = 0.03
+
+#: (300, 300, 3) uint8 RGB and the lowest score to (N, 6) class, score, x0, y0, x1, y1 in shares of it.
+Network = Callable[[NDArray[np.uint8], float], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,15 +57,30 @@ class RawBoxes:
 
 
 class Ssd:
-    """The network; loaded on first use. Threads may share it and take turns."""
+    """The network; loaded on first use. Threads may share it.
 
-    def __init__(self) -> None:
-        self._turn = Lock()
+    Args:
+        device: ``"cpu"`` or ``"cuda"``.
+    """
+
+    def __init__(self, device: str = "cpu") -> None:
+        self.device = device
 
     @cached_property
-    def _net(self) -> Any:
-        graph, text = ensure("ssd-mobilenet-v2-coco"), ensure("ssd-mobilenet-v2-coco-graph")
-        return cv2.dnn.readNetFromTensorflow(str(graph), str(text))
+    def _network(self) -> Network:
+        frozen, text = ensure("ssd-mobilenet-v2-coco"), ensure("ssd-mobilenet-v2-coco-graph")
+        try:
+            graph = read_graph(frozen.read_bytes(), text.read_text(encoding="utf-8"), SIDE)
+        except ValueError as error:
+            raise DependencyError(f"{frozen} cannot be read as an SSD ({error})") from error
+        # One thread a window: several windows on as many cores are quicker than one window on all.
+        session = open_session(graph.network, self.device, threads=1)
+
+        def see(small: NDArray[np.uint8], floor: float) -> FloatArray:
+            encodings, scores = session.run([ENCODINGS, SCORES], {IMAGES: small[None]})
+            return decode(encodings[0], scores[0], graph.priors, graph.variance, floor)
+
+        return see
 
     def boxes(self, rgb: NDArray[np.uint8], *, floor: float = 0.05, tiles: bool = True) -> RawBoxes:
         """Everything the network sees above ``floor``, on the whole photo and on its four quarters.
@@ -78,25 +100,24 @@ class Ssd:
         windows = [(0.0, 0.0, 1.0, 1.0)]
         if tiles and min(height, width) >= SIDE:
             windows += QUARTERS
-        found = [self._window(rgb, np.array(w), floor) for w in windows]
+        network = self._network
+        found = spread(lambda w: _window(network, rgb, np.array(w), floor), windows)
         rows = np.concatenate(found)
         return RawBoxes(boxes=rows[:, 2:], classes=rows[:, 0].astype(np.int64), scores=rows[:, 1])
 
-    def _window(self, rgb: NDArray[np.uint8], window: FloatArray, floor: float) -> FloatArray:
-        """(N, 6) class, score, x0, y0, x1, y1 in photo pixels."""
-        size = np.array([rgb.shape[1], rgb.shape[0]] * 2, np.float64)
-        x0, y0, x1, y1 = np.rint(window * size).astype(int)
-        part = rgb[y0:y1, x0:x1]
-        # The area filter keeps fine structure of large photos from aliasing at 300 pixels.
-        shrinks = part.shape[0] > SIDE and part.shape[1] > SIDE
-        small = cv2.resize(part, (SIDE, SIDE), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
-        with self._turn:
-            self._net.setInput(cv2.dnn.blobFromImage(small))
-            rows = np.array(self._net.forward(), np.float64).reshape(-1, 7)[:, 1:]
-        rows = rows[(rows[:, 1] >= floor) & np.isfinite(rows).all(axis=1)]
-        box = rows[:, 2:]
-        cut = (window[:2] > 0) & (box[:, :2] < CUT)
-        cut |= (window[2:] < 1) & (box[:, 2:] > 1 - CUT)
-        box = np.clip(box, 0.0, 1.0) * np.array([x1 - x0, y1 - y0] * 2) + np.array([x0, y0] * 2)
-        whole = ~cut.any(axis=1) & (box[:, 2:] - box[:, :2] >= 1.0).all(axis=1)
-        return np.asarray(np.column_stack([rows[:, 0], np.clip(rows[:, 1], 0, 1), box])[whole])
+
+def _window(network: Network, rgb: NDArray[np.uint8], window: FloatArray, floor: float) -> FloatArray:
+    """(N, 6) class, score, x0, y0, x1, y1 in photo pixels."""
+    size = np.array([rgb.shape[1], rgb.shape[0]] * 2, np.float64)
+    x0, y0, x1, y1 = np.rint(window * size).astype(int)
+    part = rgb[y0:y1, x0:x1]
+    # The area filter keeps fine structure of large photos from aliasing at 300 pixels.
+    shrinks = part.shape[0] > SIDE and part.shape[1] > SIDE
+    small = cv2.resize(part, (SIDE, SIDE), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+    rows = network(np.asarray(small, np.uint8), floor)
+    box = rows[:, 2:]
+    cut = (window[:2] > 0) & (box[:, :2] < CUT)
+    cut |= (window[2:] < 1) & (box[:, 2:] > 1 - CUT)
+    box = np.clip(box, 0.0, 1.0) * np.array([x1 - x0, y1 - y0] * 2) + np.array([x0, y0] * 2)
+    whole = ~cut.any(axis=1) & (box[:, 2:] - box[:, :2] >= 1.0).all(axis=1)
+    return np.asarray(np.column_stack([rows[:, 0], np.clip(rows[:, 1], 0, 1), box])[whole])

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from cadpose import threads
+
+
+@pytest.fixture
+def two(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "_allowed", 2)
+
+
+@pytest.mark.usefixtures("two")
+def test_work_is_spread_and_answers_keep_their_order() -> None:
+    meeting = threading.Barrier(2, timeout=10)
+
+    def work(item: int) -> int:
+        meeting.wait()  # passes only if two are at work at once
+        time.sleep(0.01 * (item % 2))
+        return item * item
+
+    assert threads.spread(work, range(6)) == [0, 1, 4, 9, 16, 25]
+
+
+@pytest.mark.usefixtures("two")
+def test_work_within_work_stays_on_its_thread() -> None:
+    def name(_: int) -> str:
+        return threading.current_thread().name
+
+    found = threads.spread(lambda n: {name(n), *threads.spread(name, range(3))}, range(4))
+    assert all(len(names) == 1 for names in found)
+
+
+@pytest.mark.usefixtures("two")
+def test_an_error_comes_through() -> None:
+    with pytest.raises(ZeroDivisionError):
+        threads.spread(lambda n: 1 // n, [1, 0])
+
+
+def test_one_thread_and_one_item_stay_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    def here(_: int) -> str:
+        return threading.current_thread().name
+
+    mine = threading.current_thread().name
+    monkeypatch.setattr(threads, "_allowed", 1)
+    assert threads.spread(here, range(3)) == [mine] * 3
+    monkeypatch.setattr(threads, "_allowed", 2)
+    assert threads.spread(here, [7]) == [mine]
+
+
+@pytest.mark.parametrize("allowed", [1, 2, 3])
+@pytest.mark.parametrize("count", [0, 1, 2, 7])
+def test_shares_cover_every_row_once(count: int, allowed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "_allowed", allowed)
+    parts = threads.shares(count)
+    assert [n for part in parts for n in range(count)[part]] == list(range(count))
+    assert len(parts) <= allowed
