@@ -8,6 +8,7 @@ background would shift any of its own. Every cell is scaled to unit length and k
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from cadpose.geometry.frames import FloatArray
 from cadpose.jit import kernel
 from cadpose.rotation.features import LEVELS, STEPS, Described
+from cadpose.threads import shares, spread
 
 #: Unit-length cells stay below this in each component; int8 covers [-_RANGE, _RANGE].
 _RANGE = 0.6
@@ -65,12 +67,22 @@ class Templates:
         Templates are far larger than caches: read once, they serve all images in little more time.
         """
         total = np.zeros((len(queries), self.models * self.rotations))
-        for photos, (cells, cover, mean, spread) in zip(queries.cells, self._levels, strict=True):
-            out = np.empty((len(queries), len(cells)), np.float32)
-            _covered_cosines(_unit(photos, mean, spread), cells, cover, out)
-            total += out
+        for photos, (cells, cover, mean, deviation) in zip(queries.cells, self._levels, strict=True):
+            query = _unit(photos, mean, deviation)
+            parts = spread(partial(_cosines_of_some, query, cells, cover), shares(len(cells)))
+            total += np.concatenate(parts, axis=1)
         total *= (_RANGE / 127.0) ** 2 / len(LEVELS)
         return total.reshape(len(queries), self.models, self.rotations)
+
+
+def _cosines_of_some(
+    query: NDArray[np.int8], cells: NDArray[np.int8], cover: NDArray[np.float32], part: slice
+) -> NDArray[np.float32]:
+    """(Q, part) cosines before they are scaled."""
+    some = cells[part]
+    out = np.empty((len(query), len(some)), np.float32)
+    _covered_cosines(query, some, cover[part], out)
+    return out
 
 
 def _statistics(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.geometry.frames import FloatArray
+from cadpose.jit import kernel
 
 _SAMPLE = 3
 # A triple whose triangle is smaller than this (px²) in either image says nothing about a map.
@@ -67,23 +68,52 @@ def ransac_affine(
     triples = triples[_spread(source[triples]) & _spread(target[triples])]
     if not len(triples):
         return nothing
-    ones = np.ones((m, 1))
-    homogeneous = np.concatenate([source, ones], axis=1)
-    # (T, 3, 2): rows of [x y 1] times the map's transpose give the target.
-    maps = np.linalg.solve(homogeneous[triples], target[triples])
-    squared = ((homogeneous @ maps - target) ** 2).sum(axis=2)
-    inside = squared <= residual_px**2
-    count = inside.sum(axis=1)
-    cost = np.where(inside, squared, 0.0).sum(axis=1)
-    best = int(np.lexsort((cost, -count))[0])
-    transpose, inliers = maps[best], np.asarray(inside[best])
+    # (3, 2): rows of [x y 1] times the map's transpose give the target.
+    transpose = np.empty((_SAMPLE, 2))
+    _best_map(np.ascontiguousarray(source), np.ascontiguousarray(target), triples, residual_px**2, transpose)
+    homogeneous = np.concatenate([source, np.ones((m, 1))], axis=1)
+
+    def within(map_transpose: FloatArray) -> NDArray[np.bool_]:
+        return np.asarray(((homogeneous @ map_transpose - target) ** 2).sum(axis=1) <= residual_px**2)
+
+    inliers = within(transpose)
     refined = np.linalg.lstsq(homogeneous[inliers], target[inliers], rcond=None)[0]
-    refined_inliers = ((homogeneous @ refined - target) ** 2).sum(axis=1) <= residual_px**2
-    if refined_inliers.sum() >= inliers.sum():
+    if (refined_inliers := within(refined)).sum() >= inliers.sum():
         transpose, inliers = refined, refined_inliers
     matrix = np.eye(3)
     matrix[:2] = transpose.T
     return AffineFit(matrix, inliers)
+
+
+@kernel
+def _best_map(
+    source: FloatArray, target: FloatArray, triples: NDArray[np.int64], most: float, out: FloatArray
+) -> None:
+    """The (3, 2) map with the most points whose squared residual is ``most`` or less; see above for ties."""
+    best_count, best_cost = -1, 0.0
+    one = np.empty((3, 2))
+    for t in range(triples.shape[0]):
+        i, j, k = triples[t, 0], triples[t, 1], triples[t, 2]
+        # The linear part sends two sides of one triangle to those of the other.
+        ax, ay = source[j, 0] - source[i, 0], source[j, 1] - source[i, 1]
+        bx, by = source[k, 0] - source[i, 0], source[k, 1] - source[i, 1]
+        area = ax * by - ay * bx
+        for c in range(2):
+            a, b = target[j, c] - target[i, c], target[k, c] - target[i, c]
+            one[0, c] = (a * by - b * ay) / area
+            one[1, c] = (b * ax - a * bx) / area
+            one[2, c] = target[i, c] - one[0, c] * source[i, 0] - one[1, c] * source[i, 1]
+        count, cost = 0, 0.0
+        for p in range(source.shape[0]):
+            x = source[p, 0] * one[0, 0] + source[p, 1] * one[1, 0] + one[2, 0] - target[p, 0]
+            y = source[p, 0] * one[0, 1] + source[p, 1] * one[1, 1] + one[2, 1] - target[p, 1]
+            squared = x * x + y * y
+            if squared <= most:
+                count += 1
+                cost += squared
+        if count > best_count or (count == best_count and cost < best_cost):
+            best_count, best_cost = count, cost
+            out[:] = one
 
 
 def _triples(m: int, trials: int, rng: np.random.Generator) -> NDArray[np.int64]:

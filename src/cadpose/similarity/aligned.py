@@ -58,8 +58,12 @@ class ViewMaps:
         )
 
 
-def describe_views(views: Views, encoder: Lite0 | None = None) -> ViewMaps:
+def describe_views(
+    views: Views, encoder: Lite0 | None = None, maps: NDArray[np.float32] | None = None
+) -> ViewMaps:
     """Renders of any square size to their maps; a render without a pixel gets aspect 1 and no cover.
+
+    ``maps`` are the encoder's of the renders over :data:`BACKGROUND` at 224 px, where it was asked already.
 
     Raises:
         ValueError: the renders are not square.
@@ -67,7 +71,8 @@ def describe_views(views: Views, encoder: Lite0 | None = None) -> ViewMaps:
     n, h, w = views.alpha.shape
     if h != w:
         raise ValueError(f"renders must be square, got {w} x {h}")
-    maps = (encoder or lite0()).stride16(resize_squares(views.over(BACKGROUND), SIDE))
+    if maps is None:
+        maps = (encoder or lite0()).stride16(resize_squares(views.over(BACKGROUND), SIDE))
     alpha = resize_squares(views.alpha, SIDE)
     cover = alpha.reshape(n, _CELLS, 16, _CELLS, 16).mean(axis=(2, 4), dtype=np.float32) / np.float32(255.0)
     aspect = np.array([mask_aspect(mask) for mask in views.mask], np.float64)

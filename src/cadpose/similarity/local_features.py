@@ -5,6 +5,7 @@ DELF itself is in :mod:`cadpose.similarity.delf`, XFeat in :mod:`cadpose.similar
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -66,23 +67,24 @@ class DenseLite0:
         self.sides = sides
         self.encoder = lite0() if encoder is None else encoder
 
+    def encode(self, images: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
+        """(N, S, S, 3) uint8 images to their (N, 112, side/16, side/16) maps at each side."""
+        return [self.encoder.stride16(resize_squares(images, side)) for side in self.sides]
+
     def describe(
         self,
         images: NDArray[np.uint8],
         masks: Mask | None = None,
         *,
-        maps: NDArray[np.float32] | None = None,
+        maps: Sequence[NDArray[np.float32]] | None = None,
     ) -> list[Features]:
         """See :class:`LocalFeatures`; a cell counts as within the mask if half of it is.
 
-        ``maps`` are the (N, 112, 14, 14) maps of the images at 224 px where they have been made already.
+        ``maps`` are what :meth:`encode` made of the images, where it was asked already.
         """
         xy: list[list[FloatArray]] = [[] for _ in images]
         descriptors: list[list[NDArray[np.float32]]] = [[] for _ in images]
-        for side in self.sides:
-            known = maps if side == SIDE else None
-            if known is None:
-                known = self.encoder.stride16(resize_squares(images, side))
+        for known in self.encode(images) if maps is None else maps:
             seen = known.transpose(0, 2, 3, 1)
             cells = seen.shape[1]
             centres = (np.arange(cells) + 0.5) * (SIDE / cells)

@@ -21,13 +21,14 @@ from cadpose.encoder import SIDE, Lite0, lite0
 from cadpose.geometry.frames import FloatArray
 from cadpose.records import CadModel, Candidate, Rotation, RotationHypothesis, Views
 from cadpose.similarity.affine import ransac_affine
-from cadpose.similarity.aligned import compare, describe_crop, describe_views
+from cadpose.similarity.aligned import compare, describe_views
 from cadpose.similarity.fused import Fused, share_of_most
 from cadpose.similarity.joint.bracket import Bracket
 from cadpose.similarity.joint.confidence import Confidence, Evidence
 from cadpose.similarity.joint.templates import CELLS, TemplateSource, TemplateViews, template_cosines
 from cadpose.similarity.local_features import BACKGROUND, DenseLite0, Features, unit
 from cadpose.similarity.matching import mutual_nearest
+from cadpose.threads import spread
 
 #: Models that are drawn at most.
 DRAWN = 5
@@ -212,27 +213,29 @@ class JointRanker:
     ) -> FloatArray:
         """(M,) inliers between the crop's cells and those of each model's cached view."""
         crop = _centred(cells * self.source.spread)
-        counts = []
-        for one, n in zip(views, at, strict=True):
+
+        def count(one: TemplateViews, n: int) -> int:
             inside = one.cover[n] >= 0.5
             if not inside.any():
-                counts.append(0)
-                continue
+                return 0
             pairs = mutual_nearest(crop, _centred(one.cells[n][inside] * self.source.spread))
-            counts.append(self._inliers(_GRID[pairs[:, 0]], _GRID[inside][pairs[:, 1]], _COARSE_TRIALS))
-        return np.array(counts, np.float64)
+            return self._inliers(_GRID[pairs[:, 0]], _GRID[inside][pairs[:, 1]], _COARSE_TRIALS)
+
+        return np.array(spread(lambda one: count(*one), zip(views, at, strict=True)), np.float64)
 
     def drawn(
         self, crop: NDArray[np.uint8], aspect: float, cads: Sequence[CadModel], R_cv_from_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """(K,) aligned scores and (K,) inliers of K models drawn at (K, 3, 3) rotations."""
-        photo = describe_crop(crop, self.encoder)
-        views = Views.joined([self.render(cad, R[None]) for cad, R in zip(cads, R_cv_from_s, strict=True)])
-        renders = describe_views(views, self.encoder)
-        aligned = compare(photo, renders, aspect=aspect)
-        mine = self.dense.describe(crop[None], maps=photo[None])[0]
-        theirs = self.dense.describe(views.over(BACKGROUND), views.mask, maps=renders.maps)
-        return aligned, np.array([float(self._dense_inliers(mine, other)) for other in theirs])
+        posed = zip(cads, R_cv_from_s, strict=True)
+        views = Views.joined(spread(lambda one: self.render(one[0], one[1][None]), posed))
+        images = np.concatenate([crop[None], views.over(BACKGROUND)])
+        maps = self.dense.encode(images)
+        small = maps[self.dense.sides.index(SIDE)]
+        aligned = compare(small[0], describe_views(views, maps=small[1:]), aspect=aspect)
+        mine = self.dense.describe(images[:1], maps=[m[:1] for m in maps])[0]
+        theirs = self.dense.describe(images[1:], views.mask, maps=[m[1:] for m in maps])
+        return aligned, np.array(spread(lambda other: float(self._dense_inliers(mine, other)), theirs))
 
     def _dense_inliers(self, crop: Features, view: Features) -> int:
         pairs = mutual_nearest(crop.descriptors, view.descriptors)

@@ -17,6 +17,7 @@ from cadpose.encoder import CHANNELS16, SIDE
 from cadpose.geometry.frames import FloatArray
 from cadpose.jit import kernel
 from cadpose.records import CadModel
+from cadpose.threads import spread
 
 CELLS = SIDE // 16
 #: The cell means count as if so many more views had shown the mean over all cells.
@@ -124,14 +125,17 @@ def template_cosines(
         [padded[y : y + CELLS, x : x + CELLS].reshape(CELLS**2, -1) for y in range(3) for x in range(3)],
         axis=1,
     )
-    scores = np.empty((len(views), len(near)))
     whole_mean = (mean * _MEAN_STEPS).astype(np.int16)
     mean_around = np.einsum("ck,cjk->cj", mean, around)
     mean_square = np.einsum("ck,ck->c", mean, mean)
     whole = around.astype(np.int16)
-    for one, out in zip(views, scores, strict=True):
+
+    def of(one: TemplateViews) -> FloatArray:
+        out = np.empty(len(near))
         _cosines(one.cells, one.cover, near, whole, whole_mean, mean_around, mean_square, out)
-    return scores
+        return out
+
+    return np.stack(spread(of, views))
 
 
 @kernel
