@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
@@ -83,6 +84,35 @@ def test_the_options_are_those_of_the_program(verb: str) -> None:
         assert default == default_of(param), spellings
         for choice in choices.get(param.name, ()):
             assert f"`{choice}`" in text, spellings
+
+
+def commands_on_pages() -> Iterator[tuple[str, str]]:
+    """(page, command) of every line in a block that calls the program, continued lines joined."""
+    root = PAGE.parent.parent
+    for page in [root / "README.md", *sorted((root / "docs").rglob("*.md"))]:
+        text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+        fenced = "\n".join(re.findall(r"^```(?:sh)?\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))
+        indented = "\n".join(re.findall(r"^ {4,}(.*)$", text, re.MULTILINE))
+        call = r"^\s*(?:\$ )?(?:[A-Z_]+=\S+ )*(cadpose [a-z].*)$"
+        for line in re.findall(call, f"{fenced}\n{indented}", re.MULTILINE):
+            yield page.name, line
+
+
+def test_commands_on_pages_use_verbs_and_options_that_there_are() -> None:
+    seen, wrong = 0, []
+    for page, line in commands_on_pages():
+        words = shlex.split(line.partition(" #")[0])
+        verb = max((v for v in VERBS if words[: len(v.split())] == v.split()), key=len, default="")
+        if verb in ("", "cadpose"):
+            wrong.append(f"{page}: {line}: no such verb")
+            continue
+        known = {spelling for spellings in documented(VERBS[verb]) for spelling in spellings} | {"--help"}
+        told = {word.partition("=")[0] for word in words if re.match(r"--[a-z]|-[a-wA-Z]$", word)}
+        seen += 1
+        if told - known:
+            wrong.append(f"{page}: {line}: {sorted(told - known)}")
+    assert wrong == []
+    assert seen > 100
 
 
 def test_choices_are_found() -> None:
