@@ -238,3 +238,15 @@ def test_the_answer_is_the_first_candidate() -> None:
         )
     )
     assert annotation.cad is other
+
+
+@pytest.mark.parametrize("background", [0, 1, 128, 255])
+def test_compositing_is_exact_for_every_colour_and_coverage(background: int) -> None:
+    alpha, level = np.meshgrid(np.arange(256), np.arange(256))
+    views = Views(
+        rgb=np.repeat(level[None, ..., None], 3, axis=-1).astype(np.uint8),
+        alpha=alpha[None].astype(np.uint8),
+        depth=np.ones((1, 256, 256), np.float32),
+    )
+    wanted = (level * alpha + background * (255 - alpha) + 127) // 255
+    np.testing.assert_array_equal(views.over(background)[0], np.repeat(wanted[..., None], 3, axis=-1))

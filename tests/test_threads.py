@@ -51,6 +51,14 @@ def test_one_thread_and_one_item_stay_here(monkeypatch: pytest.MonkeyPatch) -> N
     assert threads.spread(here, [7]) == [mine]
 
 
+@pytest.mark.usefixtures("two")
+def test_one_thread_can_be_asked_for() -> None:
+    mine = threading.current_thread().name
+    with threads.on_one_thread():
+        assert threads.spread(lambda _: threading.current_thread().name, range(3)) == [mine] * 3
+    assert mine not in threads.spread(lambda _: threading.current_thread().name, range(3))
+
+
 @pytest.mark.parametrize("allowed", [1, 2, 3])
 @pytest.mark.parametrize("count", [0, 1, 2, 7])
 def test_shares_cover_every_row_once(count: int, allowed: int, monkeypatch: pytest.MonkeyPatch) -> None:

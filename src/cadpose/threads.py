@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import lru_cache
 from threading import local
 from typing import TypeVar
@@ -73,6 +74,17 @@ def spread(work: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer
         return work(item)
 
     return list(_pool(count, os.getpid()).map(alone, many))
+
+
+@contextmanager
+def on_one_thread() -> Iterator[None]:
+    """Within, :func:`spread` stays on the calling thread."""
+    before = getattr(_within, "now", False)
+    _within.now = True
+    try:
+        yield
+    finally:
+        _within.now = before
 
 
 def shares(count: int) -> list[slice]:

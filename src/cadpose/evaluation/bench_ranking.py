@@ -13,6 +13,7 @@ from cadpose.pipeline import Annotator
 from cadpose.records import Photo
 from cadpose.similarity.joint.ranker import DRAWN, JointRanker
 from cadpose.similarity.local_features import BACKGROUND
+from cadpose.threads import on_one_thread
 
 
 def bench_ranking(annotator: Annotator, photo: Photo, box: Box, repeats: int) -> dict[str, float]:
@@ -42,4 +43,5 @@ def bench_ranking(annotator: Annotator, photo: Photo, box: Box, repeats: int) ->
         "drawn": lambda: ranker.drawn(crop, aspect, cads[:DRAWN], rotations[:DRAWN]),
         "whole": lambda: ranker.rank(crop, plain, aspect, cads, guesses),
     }
-    return {name: median_ms(work, repeats) for name, work in parts.items()}
+    with on_one_thread():
+        return {name: median_ms(work, repeats) for name, work in parts.items()}

@@ -15,6 +15,7 @@ from cadpose.records import Photo
 from cadpose.rotation.embedded import EmbeddedRotation
 from cadpose.rotation.features import describe
 from cadpose.rotation.network import RotationNetwork
+from cadpose.threads import on_one_thread
 
 
 def bench_rotation(annotator: Annotator, photo: Photo, box: Box, repeats: int) -> dict[str, float]:
@@ -45,7 +46,8 @@ def bench_rotation(annotator: Annotator, photo: Photo, box: Box, repeats: int) -
         "templates": lambda: compare.cosines_of_each(described, cads),
         "whole": lambda: estimator.estimate(crop, cads),
     }
-    return {name: median_ms(work, repeats) for name, work in parts.items()}
+    with on_one_thread():
+        return {name: median_ms(work, repeats) for name, work in parts.items()}
 
 
 def median_ms(work: Callable[[], object], repeats: int) -> float:

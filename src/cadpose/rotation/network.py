@@ -83,8 +83,9 @@ class RotationNetwork:
     @cached_property
     def _alone(self) -> Any:
         """The same with one thread an operation: what several crops at once are quickest with."""
-        single = self.threads == 1 or self.device != "cpu"
-        return self._session if single else RotationNetwork(self.path, self.device, threads=1)._session
+        if self.threads == 1 or self.device != "cpu":
+            return self._session
+        return RotationNetwork(self.path, self.device, threads=1)._session
 
     @cached_property
     def _session(self) -> Any:
@@ -129,7 +130,9 @@ class RotationNetwork:
             answer: list[NDArray[np.float32]] = session.run(names, crop)
             return answer
 
-        out = [np.concatenate(some) for some in zip(*spread(one, range(len(crops))), strict=True)]
+        each = range(len(crops))
+        told_of_each = [one(n) for n in each] if self.threads == 1 else spread(one, each)
+        out = [np.concatenate(some) for some in zip(*told_of_each, strict=True)]
         shares, offsets = [], []
         for i in range(3):
             share, offset = probabilities(out[i]), out[3 + i].astype(np.float64)
