@@ -37,7 +37,6 @@ ABSENT = (
     "pxr",
     "playwright",
     "transformers",
-    "onnx",
     "pytest",
 )
 # What the store is called that the annotations go to.
@@ -184,11 +183,10 @@ def check_help() -> int:
 def check_nothing_extra() -> None:
     """No package of an extra is there, by its module's name or by its distribution's."""
     there = [name for name in ABSENT if find_spec(name) is not None]
-    extras = {
-        re.split(r"[<>=!~ \[;(]", requirement)[0].lower()
-        for requirement in requires("cadpose") or ()
-        if "extra ==" in requirement
-    }
+    wanted = [
+        (re.split(r"[<>=!~ \[;(]", text)[0].lower(), "extra ==" in text) for text in requires("cadpose") or ()
+    ]
+    extras = {name for name, extra in wanted if extra} - {name for name, extra in wanted if not extra}
     installed = {distribution.metadata["Name"].lower() for distribution in distributions()}
     there += sorted(extras & installed)
     if there:
