@@ -8,6 +8,7 @@
 # make web  builds the review page from web/ into src/cadpose/review/static, where it is committed; needs node 20.19
 # make docs  the documentation as a site, runs/site/index.html; a broken link or anchor fails it
 # make wheel  wheel and source distribution into dist/, tried in clean virtualenvs of each Python at hand (3.11-3.13)
+# make container  carries the Containerfile out in a chroot of Debian and annotates a photo there; root, minutes
 # make licences  docs/licences.md, and the same as SPDX in dist/; installs every extra to read their licences
 # make fuzz  200,000 damaged files of each family into their readers: hours, for a nightly run
 # The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
@@ -18,7 +19,7 @@ BIN    := $(VENV)/bin
 EVERY  := browser,coco,delf,demo,detectors,docs,index,jupyter,parquet,postgres,ray,release,replace,report,review,rfdetr,test,train,usd,xfeat
 APT    := $(shell [ "$$(id -u)" = 0 ] || echo sudo) apt-get
 
-.PHONY: demo test test-fast lint models blender postgres browser ray detectors web web-packages docs wheel licences fuzz clean
+.PHONY: demo test test-fast lint models blender postgres browser ray detectors web web-packages docs wheel container licences fuzz clean
 
 demo: $(VENV)/.demo models
 	$(BIN)/cadpose library add sweethome3d
@@ -83,6 +84,12 @@ docs: $(VENV)/.docs
 
 wheel: $(VENV)/.test
 	$(BIN)/python scripts/check_wheel.py
+
+container: $(VENV)/.test
+	@command -v debootstrap >/dev/null \
+		|| { $(APT) update -q && $(APT) install -qy --no-install-recommends debootstrap; }
+	@ls dist/*.whl >/dev/null 2>&1 || $(MAKE) wheel
+	CADPOSE_CONTAINER=1 $(BIN)/python -m pytest tests/release/test_container.py
 
 licences: $(VENV)/.test
 	$(BIN)/python -m pip install -q -e '.[$(EVERY)]'

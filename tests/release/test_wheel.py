@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -119,6 +120,7 @@ def test_the_changelog_begins_with_what_is_not_released_or_with_this_version() -
 
 
 @pytest.mark.slow
+@pytest.mark.skipif("CADPOSE_WHEEL_TRIED" in os.environ, reason="`make wheel` has tried it in this run")
 def test_wheel_and_source_distribution_install_and_run(tmp_path: Path) -> None:
     """The whole of `make wheel` for this Python; the other Pythons are tried by that."""
     run = subprocess.run(
