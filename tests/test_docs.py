@@ -69,12 +69,12 @@ def test_the_examples_print_what_they_say(page: str) -> None:
     assert result.failed == 0, "".join(report)
 
 
-def test_the_figures_are_what_the_script_draws(tmp_path: Path) -> None:
-    script = REPOSITORY / "scripts" / "draw_conventions.py"
-    subprocess.run([sys.executable, str(script), str(tmp_path)], check=True)
+def test_the_figures_are_what_the_scripts_draw(tmp_path: Path) -> None:
+    for script in ("draw_conventions.py", "draw_concepts.py"):
+        subprocess.run([sys.executable, str(REPOSITORY / "scripts" / script), str(tmp_path)], check=True)
     drawn = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()}
     kept = {path.name: path.read_text(encoding="utf-8") for path in (DOCS / "figures").iterdir()}
-    assert drawn == kept, "run python scripts/draw_conventions.py and look at the figures"
+    assert drawn == kept, "run the scripts and look at the figures"
 
 
 def test_links_lead_somewhere() -> None:
