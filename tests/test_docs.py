@@ -129,3 +129,9 @@ def test_the_site_builds_without_a_broken_link(tmp_path: Path) -> None:
 def test_no_placeholder_is_left() -> None:
     for page in sorted((REPOSITORY / "docs").rglob("*.md")):
         assert not re.search(r"\bFIG[A-Z]+\b", page.read_text(encoding="utf-8")), page
+
+
+def test_the_tables_of_performance_are_those_of_its_run() -> None:
+    command = [sys.executable, str(REPOSITORY / "scripts" / "write_performance.py"), "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -17,70 +17,108 @@ def bench(
     ] = None,
     repeats: Annotated[int, typer.Option("--repeats", min=1, help="Timed runs a photo.")] = 3,
     renderers: Annotated[bool, typer.Option(help="Also time the renderers side by side.")] = True,
+    galleries: Annotated[bool, typer.Option(help="Also time making templates of models.")] = True,
     synth: Annotated[bool, typer.Option(help="Also time synthetic photos.")] = True,
+    against: Annotated[
+        Path | None,
+        typer.Option("--compare", metavar="FILE", help="An earlier run's JSON: tell what became slower."),
+    ] = None,
+    tolerance: Annotated[
+        float, typer.Option(min=0.0, help="With --compare: exit with 1 where slower by more than this share.")
+    ] = 0.25,
     library: LibraryFolder = None,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
-    """Milliseconds a stage on photographs and a view of every renderer at hand; synthetic photos a second.
+    """Milliseconds a stage beside their physical floor, of every renderer at hand; galleries and synthetic
+    photos a minute.
 
     Without a photo, a render of the library stands in for one. Read ratios, not single times: they were
     taken in one run on this machine.
     """
-    from cadpose.evaluation.bench_ranking import bench_ranking
-    from cadpose.evaluation.bench_rendering import bench_renderers
-    from cadpose.evaluation.bench_rotation import bench_rotation
-    from cadpose.evaluation.bench_stages import STAND_IN_BOX, bench_meshes, bench_stages, stand_in_photo
-    from cadpose.evaluation.bench_synth import bench_synth
+    from cadpose.evaluation.bench_compare import compare, read_baseline
+    from cadpose.evaluation.bench_report import bench as measure
     from cadpose.photos import find_photos, read_photo
 
+    before = read_baseline(against) if against is not None else None
     annotator = make_annotator(library, device=device, seed=seed)
-    pictures = [read_photo(p) for p in find_photos(photos)] if photos else [stand_in_photo(annotator)]
-    stages = bench_stages(annotator, pictures, repeats)
-    stand_in = stand_in_photo(annotator)
-    rotation = bench_rotation(annotator, stand_in, STAND_IN_BOX, max(repeats, 5))
-    ranking = bench_ranking(annotator, stand_in, STAND_IN_BOX, max(repeats, 5))
-    timings = []
-    if renderers:
-        timings = bench_renderers(
-            bench_meshes(annotator.library),
-            progress=complain,
-        )
-    drawn = bench_synth(annotator.library) if synth else None
+    pictures = [read_photo(p) for p in find_photos(photos)] if photos else []
+    wanted = {"renderers": renderers, "galleries": galleries, "synth": synth}
+    told = measure(annotator, pictures, repeats, [part for part, asked in wanted.items() if asked], complain)
+    changes = [] if before is None else compare(before, told)
+    slower = [change for change in changes if change.ratio > 1.0 + tolerance]
     if json:
-        print_json(
-            {
-                "stages": stages,
-                "rotation": rotation,
-                "ranking": ranking,
-                "renderers": [dataclasses.asdict(t) for t in timings],
-                "synth": drawn and dataclasses.asdict(drawn),
-            }
+        if before is not None:
+            told["changes"] = [
+                {"name": c.name, "before": c.before, "after": c.after, "ratio": c.ratio} for c in changes
+            ]
+        print_json(told)
+    else:
+        _print(told)
+        if before is not None:
+            print_table(
+                "Against the earlier run, the machine's speed taken out",
+                ["timing", "before, ms", "now, ms", "ratio"],
+                [[c.name, f"{c.before:.1f}", f"{c.after:.1f}", f"{c.ratio:.2f}"] for c in changes],
+            )
+    if slower:
+        complain(
+            f"{len(slower)} of {len(changes)} timings are slower than in {against} by more than "
+            f"{tolerance:.0%}: " + ", ".join(f"{c.name} ({c.ratio:.2f} x)" for c in slower)
         )
-        return
-    total = sum(stages.values())
-    rows = [[stage, f"{ms:.0f}", f"{ms / total:.0%}"] for stage, ms in stages.items()]
-    print_table(
-        "A photo, by stage", ["stage", "ms a photo", "share"], [*rows, ["all", f"{total:.0f}", "100%"]]
+        raise typer.Exit(1)
+
+
+def _print(told: dict[str, Any]) -> None:
+    stages, floors, total = told["stages"], told["floors"], sum(told["stages"].values())
+    rows = []
+    for stage, ms in stages.items():
+        floor = floors.get(stage)
+        beside = ["", "", "", ""]
+        if floor is not None:
+            least = floor["ms"]
+            times = f"{ms / least:.1f} x" if least else ""
+            beside = [f"{floor['gflop']:.1f}", f"{floor['mbytes']:.0f}", f"{least:.0f}", times]
+        rows.append([stage, f"{ms:.0f}", f"{ms / total:.0%}", *beside])
+    least = sum(floor["ms"] for floor in floors.values())
+    rows.append(
+        ["all", f"{total:.0f}", "100%", "", "", f"{least:.0f}", f"{total / least:.1f} x" if least else ""]
     )
-    for title, parts in (("One rotation estimate", rotation), ("One joint ranking", ranking)):
+    machine = told["machine"]
+    print_table(
+        f"A photo, by stage; the floor at {machine['gflops']:.0f} GFLOP/s and {machine['gbytes']:.0f} GB/s",
+        ["stage", "ms a photo", "share", "GFLOP", "MB", "floor, ms", "above it"],
+        rows,
+    )
+    for title, part in (("One rotation estimate", "rotation"), ("One joint ranking", "ranking")):
+        parts = told[part]
         print_table(
             f"{title}, one core",
             ["part", "ms", "share"],
-            [[part, f"{ms:.1f}", f"{ms / parts['whole']:.0%}"] for part, ms in parts.items()],
+            [[name, f"{ms:.1f}", f"{ms / parts['whole']:.0%}"] for name, ms in parts.items()],
         )
-    if timings:
-        lines = [
-            [t.name, f"{t.ms_per_view:.2f}", f"{t.ratio:.1f} x"]
-            if t.ms_per_view is not None and t.ratio is not None
-            else [t.name, "-", t.skipped]
-            for t in timings
-        ]
-        print_table("A view of 256 x 256", ["renderer", "ms a view", "ratio"], lines)
-    if drawn is not None:
+    for title, part, key in (
+        ("Ten candidates at one rotation, 224 x 224", "candidates", "ms"),
+        ("A view of 256 x 256", "renderers", "ms_per_view"),
+    ):
+        if told[part]:
+            lines = [
+                [row["name"], f"{row[key]:.2f}", f"{row['ratio']:.1f} x"]
+                if row[key] is not None and row["ratio"] is not None
+                else [row["name"], "-", row["skipped"]]
+                for row in told[part]
+            ]
+            print_table(title, ["renderer", "ms", "ratio"], lines)
+    if made := told["galleries"]:
         print_table(
-            f"Synthetic photos of {drawn.size} x {drawn.size}, one core",
+            f"Templates of a model, {made['views']} views, one core",
+            ["models a minute", "of which encoding"],
+            [[f"{made['per_minute']:.1f}", f"{made['encoding']:.0%}"]],
+        )
+    if drawn := told["synth"]:
+        print_table(
+            f"Synthetic photos of {drawn['size']} x {drawn['size']}, one core",
             ["work", "photos a second"],
-            [["draw", f"{drawn.drawing:.0f}"], ["draw, encode, write", f"{drawn.writing:.0f}"]],
+            [["draw", f"{drawn['drawing']:.0f}"], ["draw, encode, write", f"{drawn['writing']:.0f}"]],
         )

@@ -15,13 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.detection.ssd_boxes import decode
-from cadpose.detection.ssd_graph import ENCODINGS, IMAGES, SCORES, read_graph
+from cadpose.detection.ssd_graph import ENCODINGS, IMAGES, SCORES, SsdGraph, read_graph
 from cadpose.errors import DependencyError
 from cadpose.geometry.frames import FloatArray
 from cadpose.onnx_session import open_session
 from cadpose.threads import spread
 from cadpose.weights import ensure
 
+#: What the network's session is called.
+NAME = "ssd-mobilenet-v2"
 #: Side of the square that the network sees; the picture is stretched into it, as in training.
 SIDE = 300
 #: Tiles, as (x0, y0, x1, y1) in shares of the photo: four quarters that overlap by a third.
@@ -56,6 +58,19 @@ class RawBoxes:
         return len(self.scores)
 
 
+def ssd_graph() -> SsdGraph:
+    """The installed weights as an ONNX network.
+
+    Raises:
+        DependencyError: they are missing or damaged.
+    """
+    frozen, text = ensure("ssd-mobilenet-v2-coco"), ensure("ssd-mobilenet-v2-coco-graph")
+    try:
+        return read_graph(frozen.read_bytes(), text.read_text(encoding="utf-8"), SIDE)
+    except ValueError as error:
+        raise DependencyError(f"{frozen} cannot be read as an SSD ({error})") from error
+
+
 class Ssd:
     """The network; loaded on first use. Threads may share it.
 
@@ -68,13 +83,9 @@ class Ssd:
 
     @cached_property
     def _network(self) -> Network:
-        frozen, text = ensure("ssd-mobilenet-v2-coco"), ensure("ssd-mobilenet-v2-coco-graph")
-        try:
-            graph = read_graph(frozen.read_bytes(), text.read_text(encoding="utf-8"), SIDE)
-        except ValueError as error:
-            raise DependencyError(f"{frozen} cannot be read as an SSD ({error})") from error
+        graph = ssd_graph()
         # One thread a window: several windows on as many cores are quicker than one window on all.
-        session = open_session(graph.network, self.device, threads=1)
+        session = open_session(graph.network, self.device, threads=1, name=NAME)
 
         def see(small: NDArray[np.uint8], floor: float) -> FloatArray:
             encodings, scores = session.run([ENCODINGS, SCORES], {IMAGES: small[None]})

@@ -37,16 +37,22 @@ class RendererTiming:
     skipped: str = ""
 
 
-def _raster(supersample: int) -> Renderer:
+def raster(supersample: int) -> Renderer:
+    """The rasteriser, with samples a side of a pixel."""
     from cadpose.rendering.raster import Rasteriser
 
     return Rasteriser(supersample)
 
 
-def _blender(samples: int) -> Renderer:
+def blender(samples: int, *, denoise: bool = True) -> Renderer:
+    """Blender's Cycles on the CPU.
+
+    Raises:
+        DependencyError: Blender is not set up.
+    """
     from cadpose.rendering.blender import BlenderRenderer
 
-    return BlenderRenderer(samples)
+    return BlenderRenderer(samples, denoise=denoise)
 
 
 def _panda3d() -> Renderer:
@@ -63,11 +69,11 @@ def _pyrender() -> Renderer:
 
 #: Name to maker; the ratios refer to the first.
 CONTESTANTS: Mapping[str, Callable[[], Renderer]] = {
-    "rasteriser, 1 sample": lambda: _raster(1),
-    "rasteriser, 2x2 samples": lambda: _raster(2),
+    "rasteriser, 1 sample": lambda: raster(1),
+    "rasteriser, 2x2 samples": lambda: raster(2),
     "Panda3D tinydisplay": _panda3d,
     "pyrender": _pyrender,
-    "Blender Cycles, 4 samples": lambda: _blender(4),
+    "Blender Cycles, 4 samples": lambda: blender(4),
 }
 
 
@@ -107,7 +113,7 @@ def bench_renderers(
         try:
             ready[name] = make()
         except (CadposeError, ImportError, RuntimeError, OSError) as error:
-            skipped[name] = _reason(error)
+            skipped[name] = reason_of(error)
     times: dict[str, dict[str, float]] = {name: {} for name in ready}
     try:
         for label, mesh in meshes.items():
@@ -117,7 +123,7 @@ def bench_renderers(
                 try:
                     times[name][label] = _time(renderer, mesh, cameras, repeats)
                 except Exception as error:  # another library's failure is a row of the table, not ours
-                    skipped[name] = _reason(error)
+                    skipped[name] = reason_of(error)
                     del ready[name]
     finally:
         for renderer in ready.values():
@@ -149,6 +155,7 @@ def _time(renderer: Renderer, mesh: Mesh, cameras: Cameras, repeats: int) -> flo
     return float(np.median(milliseconds))
 
 
-def _reason(error: Exception) -> str:
+def reason_of(error: Exception) -> str:
+    """The first line of what went wrong."""
     text = str(error).strip().splitlines()
     return text[0] if text else type(error).__name__

@@ -1,0 +1,90 @@
+"""Two runs of ``cadpose bench``: what became slower, the machine's own speed taken out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cadpose.errors import InputError
+
+#: A run's JSON is no larger.
+MAX_BYTES = 1 << 20
+#: Milliseconds of a stage below which nothing is said: they are lost in the noise.
+_LEAST_MS = 2.0
+
+
+@dataclass(frozen=True)
+class Change:
+    """One timing of two runs.
+
+    Attributes:
+        name: For example ``stages: detect``.
+        before: Milliseconds.
+        after: Milliseconds.
+        ratio: ``after`` over ``before``, both in units of what the machine's product of matrices took in its
+            run: above 1 is slower.
+    """
+
+    name: str
+    before: float
+    after: float
+    ratio: float
+
+
+def read_baseline(path: Path) -> dict[str, Any]:
+    """What ``cadpose bench --json`` wrote.
+
+    Raises:
+        InputError: the file cannot be read or is no such run.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path} is too large for a run of `cadpose bench --json`")
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"cannot read {path} as a run of `cadpose bench --json`: {error}") from error
+    if not isinstance(told, dict) or not _positive(told.get("machine"), "gflops") or not timings(told):
+        raise InputError(f"{path} is no run of `cadpose bench --json` of this version: make a new one")
+    return told
+
+
+def compare(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Change]:
+    """What both runs measured, the slowest first."""
+    scale = after["machine"]["gflops"] / before["machine"]["gflops"]
+    old, new = timings(before), timings(after)
+    changes = [
+        Change(name, old[name], new[name], scale * new[name] / old[name]) for name in new if name in old
+    ]
+    return sorted(changes, key=lambda change: -change.ratio)
+
+
+def timings(told: Mapping[str, Any]) -> dict[str, float]:
+    """Milliseconds by name; what is told a minute or a second is turned around."""
+    found: dict[str, float] = {}
+    for part in ("stages", "rotation", "ranking"):
+        for name, ms in _table(told.get(part)).items():
+            found[f"{part}: {name}"] = ms
+    for part, key in (("candidates", "ms"), ("renderers", "ms_per_view")):
+        rows = told.get(part)
+        for row in rows if isinstance(rows, list) else []:
+            if isinstance(row, dict) and _positive(row, key):
+                found[f"{part}: {row.get('name')}"] = float(row[key])
+    if _positive(told.get("galleries"), "per_minute"):
+        found["galleries: a model"] = 60_000.0 / told["galleries"]["per_minute"]
+    for key in ("drawing", "writing"):
+        if _positive(told.get("synth"), key):
+            found[f"synth: {key} a photo"] = 1000.0 / told["synth"][key]
+    return {name: ms for name, ms in found.items() if ms >= _LEAST_MS}
+
+
+def _table(told: object) -> dict[str, float]:
+    rows = told if isinstance(told, dict) else {}
+    return {str(name): float(rows[name]) for name in rows if _positive(rows, name)}
+
+
+def _positive(told: object, key: str) -> bool:
+    value = told.get(key) if isinstance(told, dict) else None
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value < float("inf")
