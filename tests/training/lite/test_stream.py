@@ -10,7 +10,7 @@ from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.library.catalogue import Library
 from cadpose.training.lite.embedder import SIDE
 from cadpose.training.lite.stream import Objects, ObjectStream, loader, objects, turns_of
-from cadpose.training.lite.train import Buffer
+from cadpose.training.ring import Ring
 from tests.training.lite.made import CATEGORIES, source_of
 from tests.training.synth.making import PLAIN, generator_of
 
@@ -77,14 +77,14 @@ def numbered(first: int, count: int) -> Objects:
     return Objects(photos, four, four, four[:, :3], n, n, renders, n)
 
 
-def test_a_buffer_keeps_the_newest() -> None:
-    buffer = Buffer(5, 2, torch.device("cpu"))
-    buffer.add(numbered(0, 3))
+def test_a_ring_keeps_the_newest_objects() -> None:
+    ring: Ring[Objects] = Ring(5, torch.device("cpu"))
+    ring.add(numbered(0, 3))
     generator = torch.Generator().manual_seed(0)
-    assert set(buffer.draw(50, generator).turns.tolist()) == {0, 1, 2}
-    buffer.add(numbered(3, 4))
-    assert (buffer.filled, buffer.entered) == (5, 7)
-    drawn = buffer.draw(100, generator)
+    assert set(ring.draw(50, generator).turns.tolist()) == {0, 1, 2}
+    ring.add(numbered(3, 4))
+    assert ring.entered == 7
+    drawn = ring.draw(100, generator)
     assert set(drawn.turns.tolist()) == {2, 3, 4, 5, 6}
     assert torch.equal(drawn.angles[:, 0], drawn.turns.float())
     assert torch.equal(drawn.photos[:, 0, 0, 0], drawn.turns.to(torch.uint8))

@@ -26,7 +26,7 @@ from cadpose.library.storage import write_atomic
 from cadpose.training.lite.augment import GENTLE, Augmentation, crops
 from cadpose.training.lite.average import moving_average
 from cadpose.training.lite.curves import Curves
-from cadpose.training.lite.embedder import SIDE, RenderQueue, matching_loss
+from cadpose.training.lite.embedder import RenderQueue, matching_loss
 from cadpose.training.lite.frozen import FrozenEncoder
 from cadpose.training.lite.network import normalised
 from cadpose.training.lite.networks import (
@@ -39,6 +39,7 @@ from cadpose.training.lite.networks import (
 from cadpose.training.lite.objective import Targets, contrast, pose_loss
 from cadpose.training.lite.stream import Objects, ObjectStream, Source, loader
 from cadpose.training.lite.validate import summary
+from cadpose.training.ring import Ring
 
 CHECKPOINT = "checkpoint.pt"
 _UNSEEN_BATCH = 96
@@ -85,39 +86,6 @@ class Recipe:
     validate_every: int = 700
     augmentations: tuple[Augmentation, Augmentation] = (GENTLE, Augmentation())
     seconds: float | None = None
-
-
-class Buffer:
-    """The newest objects, on the device that trains."""
-
-    def __init__(self, capacity: int, size: int, device: torch.device) -> None:
-        self.capacity, self.filled, self.entered = capacity, 0, 0
-        photos = torch.empty((capacity, 3, size, size), dtype=torch.uint8, device=device)
-        self.kept = Objects(
-            photos,
-            torch.empty((capacity, 4), device=device),
-            torch.empty((capacity, 4), device=device),
-            torch.empty((capacity, 3), device=device),
-            torch.empty(capacity, dtype=torch.int64, device=device),
-            torch.empty(capacity, dtype=torch.int64, device=device),
-            torch.empty((capacity, 3, SIDE, SIDE), dtype=torch.uint8, device=device),
-            torch.empty(capacity, dtype=torch.int64, device=device),
-        )
-
-    def add(self, chunk: Objects) -> None:
-        """Put a chunk in the place of the oldest objects."""
-        at = torch.arange(self.entered, self.entered + len(chunk)) % self.capacity
-        at = at.to(self.kept.turns.device)
-        for kept, new in zip(self.kept.fields(), chunk.fields(), strict=True):
-            kept[at] = new.to(kept.device, non_blocking=True)
-        self.entered += len(chunk)
-        self.filled = min(self.entered, self.capacity)
-
-    def draw(self, count: int, generator: torch.Generator) -> Objects:
-        """``count`` objects at random."""
-        device = self.kept.turns.device
-        at = torch.randint(self.filled, (count,), generator=generator, device=device)
-        return Objects(*(t[at] for t in self.kept.fields()))
 
 
 def train(
@@ -167,13 +135,14 @@ def train(
     stream = loader(stream_of, recipe.workers, pin=where.type == "cuda")
     # Drawn here, while the workers begin.
     unseen = _validation(validation, validation_photos)
-    buffer, queue = Buffer(recipe.buffer, source.options.size, where), RenderQueue()
+    ring: Ring[Objects] = Ring(recipe.buffer, where)
+    queue = RenderQueue()
     start = time.monotonic()
     model.train()
     chunk_photos, waited = 0, 0.0
     while step < recipe.steps:
         before = time.monotonic()
-        chunk_photos += _fill(buffer, stream, recipe, step - begun, stream_of.chunk)
+        chunk_photos += _fill(ring, stream, recipe, step - begun, stream_of.chunk)
         waited += time.monotonic() - before
         share = step / recipe.steps
         if recipe.seconds is not None:
@@ -182,12 +151,12 @@ def train(
                 break
         for group, peak in zip(optimiser.param_groups, peaks, strict=True):
             group["lr"] = peak * min(1.0, (step + 1) / recipe.warmup) * 0.5 * (1 + math.cos(math.pi * share))
-        drawn = buffer.draw(recipe.batch, generator)
+        drawn = ring.draw(recipe.batch, generator)
         losses = _step(model, encoder, drawn, recipe, optimiser, scaler, generator, queue)
         average.update_parameters(model)
         step += 1
         if step % 50 == 0:
-            row = {"step": step, "entered": buffer.entered, "seconds": round(time.monotonic() - start, 1)}
+            row = {"step": step, "entered": ring.entered, "seconds": round(time.monotonic() - start, 1)}
             row |= {"waited": round(waited, 1)} | {name: float(value) for name, value in losses.items()}
             curves.add(row)
             on_step(step, row)
@@ -203,12 +172,12 @@ def train(
     return trained
 
 
-def _fill(buffer: Buffer, stream: Iterator[Objects], recipe: Recipe, step: int, chunk: int) -> int:
+def _fill(ring: Ring[Objects], stream: Iterator[Objects], recipe: Recipe, step: int, chunk: int) -> int:
     """Let in what is due after ``step`` steps of this run, at least a batch; returns the number of photos."""
     due = max(recipe.batch * 4, (step + 1) * recipe.fresh)
     photos = 0
-    while buffer.entered < due:
-        buffer.add(next(stream))
+    while ring.entered < due:
+        ring.add(next(stream))
         photos += chunk
     return photos
 
