@@ -25,7 +25,7 @@ from cadpose.library.mesh import Mesh
 from cadpose.records import CadModel
 from cadpose.rendering import Renderer
 from cadpose.rotation import RotationEstimator
-from cadpose.rotation.features import cell_statistics, describe
+from cadpose.rotation.features import LEVELS, cell_statistics, standardised
 from cadpose.rotation.gallery import GalleryStore, RenderFramed
 from cadpose.rotation.grid import grid_rotations
 from cadpose.similarity import SimilarityMeasure
@@ -225,7 +225,7 @@ class GalleryTemplates:
 
     def describe(self, crop: NDArray[np.uint8]) -> NDArray[np.int8]:
         """(224, 224, 3) uint8 crop to (196, 112) cells."""
-        cells: NDArray[np.int8] = describe(self.encoder, crop[None]).cells[0][0]
+        cells: NDArray[np.int8] = standardised(self.encoder.stride16(crop[None]), LEVELS[0])[0]
         return cells
 
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from cadpose.detection.coco import COCO_NAMES, LIVING
+from cadpose.detection.coco import COCO_NAMES, LIVING, VANS, votes
 from cadpose.detection.imagenet import GREY, category_probabilities
 from cadpose.detection.mask_network import NetworkMasks
 from cadpose.detection.masks import MaskEstimator
@@ -64,9 +64,6 @@ FORGOTTEN = 0.5
 #: An object of no sure category is proposed from this share of the photo's area on, and unless living things
 #: fill the other share.
 STANDS_OUT, LIVELY = 0.05, 0.25
-#: COCO calls pickups trucks and vans buses, which a library files under cars: half a vote for those, and a
-#: whole one where Lite0 sees a car rather than a truck or a bus.
-VANS = frozenset([6, 8])
 #: Less than this is no word of Lite0 at all.
 HINT = 0.05
 
@@ -299,12 +296,14 @@ def _detection(box: Box, ranked: list[tuple[str, float]], source: str, least: fl
 def _places(raw: RawBoxes) -> list[_Place]:
     """Boxes gathered by overlap across classes, best first; the best box of a place stands for it."""
     places: list[_Place] = []
+    boxes = np.empty((len(raw), 4))
     for i in np.argsort(-raw.scores, kind="stable"):
         score, box, coco = float(raw.scores[i]), raw.boxes[i], int(raw.classes[i])
-        near = box_iou(np.array([p.box for p in places]), box) if places else np.zeros(0)
+        near = box_iou(boxes[: len(places)], box)
         if len(near) and near.max() >= SAME_PLACE:
             place = places[int(near.argmax())]
         elif score >= FLOOR:
+            boxes[len(places)] = box
             place = _Place(box=box)
             places.append(place)
         else:
@@ -313,11 +312,9 @@ def _places(raw: RawBoxes) -> list[_Place]:
         if coco in LIVING:
             place.living = max(place.living, score)
         elif category := category_from_coco(COCO_NAMES.get(coco, "")):
-            votes = {category: score}
-            if coco in VANS:
-                votes["car"] = score / 2.0
+            if category in VANS:
                 place.vans = max(place.vans, score)
-            for name, vote in votes.items():
+            for name, vote in votes(category, score).items():
                 place.votes[name] = max(place.votes.get(name, 0.0), vote)
     # Large places with a category first: Lite0 looks at a limited number.
     return sorted(places, key=lambda p: -max([p.objectness / 2, *p.votes.values()]) * _area(p.box) ** 0.25)

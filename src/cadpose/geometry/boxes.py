@@ -115,11 +115,15 @@ def box_iou(a: FloatArray, b: FloatArray) -> FloatArray:
         (...) IoU in [0, 1].
     """
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    low, high = np.maximum(a[..., :2], b[..., :2]), np.minimum(a[..., 2:], b[..., 2:])
-    overlap = np.clip(high - low, 0.0, None).prod(axis=-1)
-    area_a = (a[..., 2:] - a[..., :2]).prod(axis=-1)
-    area_b = (b[..., 2:] - b[..., :2]).prod(axis=-1)
-    return np.asarray(overlap / np.maximum(area_a + area_b - overlap, 1e-300))
+    sides = np.minimum(a[..., 2:], b[..., 2:]) - np.maximum(a[..., :2], b[..., :2])
+    overlap = _area(np.maximum(sides, 0.0))
+    union = _area(a[..., 2:] - a[..., :2]) + _area(b[..., 2:] - b[..., :2]) - overlap
+    return np.asarray(overlap / np.maximum(union, 1e-300))
+
+
+def _area(sides: FloatArray) -> FloatArray:
+    # For two numbers a product over the axis takes several times as long.
+    return np.asarray(sides[..., 0] * sides[..., 1])
 
 
 def mask_iou(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
