@@ -25,3 +25,19 @@ _LIVING_NAMES = frozenset(COCO_NAMES[i] for i in LIVING)
 def is_living(name: str) -> bool:
     """Whether a class of that name is people, an animal or food; case and blanks around it do not matter."""
     return name.strip().lower() in _LIVING_NAMES
+
+
+#: Library categories under which COCO files vans and pickups, which a library files under cars.
+VANS = frozenset(["bus", "truck"])
+
+
+def votes(category: str, score: float) -> dict[str, float]:
+    """Scores of library categories for an object of a COCO class: its own, and half of it for a car.
+
+    The half is for what may be a van or a pickup.
+
+    Args:
+        category: Library category of the COCO class.
+        score: Of the class.
+    """
+    return {category: score, "car": score / 2.0} if category in VANS else {category: score}

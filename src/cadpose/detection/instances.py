@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.detection.canvas import Canvas
-from cadpose.detection.coco import COCO_NAMES, is_living
+from cadpose.detection.coco import COCO_NAMES, is_living, votes
 from cadpose.detection.onnx_head import Suppression
 from cadpose.detection.reading import most_masks
 from cadpose.detection.suppression import suppress
@@ -127,14 +127,13 @@ def _ranked(
     """Wanted categories of an object with their scores, best first; empty where its best class is ignored."""
     if classes[int(scores.argmax())] is None:
         return []
-    votes: dict[str, float] = {}
+    best: dict[str, float] = {}
     for i in np.flatnonzero(scores > 0.0).tolist():
         category, score = classes[i], float(scores[i])
         if category is not None:
-            votes[category] = max(votes.get(category, 0.0), score)
-        if vans and category in ("bus", "truck"):
-            votes["car"] = max(votes.get("car", 0.0), score / 2.0)
-    kept = [(c, s) for c, s in votes.items() if wanted is None or c in wanted]
+            for name, vote in (votes(category, score) if vans else {category: score}).items():
+                best[name] = max(best.get(name, 0.0), vote)
+    kept = [(c, s) for c, s in best.items() if wanted is None or c in wanted]
     return sorted(kept, key=lambda item: -item[1])
 
 

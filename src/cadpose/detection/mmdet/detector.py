@@ -8,8 +8,7 @@ from threading import Lock
 
 import numpy as np
 
-from cadpose.detection.coco import COCO_NAMES, is_living
-from cadpose.detection.embedded import VANS
+from cadpose.detection.coco import COCO_NAMES, is_living, votes
 from cadpose.detection.mmdet import packages
 from cadpose.detection.mmdet.model import Htc, Instances
 from cadpose.detection.suppression import suppress
@@ -96,7 +95,5 @@ class DetectorsDetector:
         category = category_from_coco(COCO_NAMES[coco])
         if category is None or (self.categories is None and is_living(COCO_NAMES[coco])):
             return []
-        named = [(category, score)]
-        if coco in VANS:  # a van may be a car to the library
-            named.append(("car", score / 2.0))
+        named = votes(category, score).items()
         return [n for n in named if self.categories is None or n[0] in self.categories]
