@@ -12,6 +12,7 @@ test("the same pose another way round is no change", () => {
 test("turns the short way", () => {
   expect(turn(350, 10)).toBe(20);
   expect(turn(10, 350)).toBe(-20);
+  expect(turn(10, 190)).toBe(-180);
 });
 
 test("tells only what changed", () => {

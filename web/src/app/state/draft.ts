@@ -1,5 +1,6 @@
 /** What a person has made of an annotation and not stored yet. */
 
+import { wrap180 } from "../../view/angles";
 import type { Cad, Detail, Pose, Region, Rotation } from "../api/types";
 
 export interface Draft {
@@ -48,7 +49,7 @@ export function sameRotation(a: Rotation, b: Rotation): boolean {
 
 /** From one angle to another the short way, in degrees. */
 export function turn(from: number, to: number): number {
-  return ((((to - from) % 360) + 540) % 360) - 180;
+  return -wrap180(from - to);
 }
 
 export function changesOf(base: Draft, draft: Draft): Changes {
