@@ -10,23 +10,18 @@ refinement.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from unseen_photos import UnseenPhotos, main_box
 
 from cadpose.alignment.trust import FEATURES, RIGHT_DEGREES, RIGHT_IOU, Trust, features_of
-from cadpose.cli.output import progress_bar
 from cadpose.geometry.boxes import mask_iou
-from cadpose.library.catalogue import Library
 from cadpose.library.storage import write_atomic
 from cadpose.pipeline import Annotator
 from cadpose.records import Detection, Photo
-from cadpose.training.lite.sources import sources
-from cadpose.training.lite.stream import LEAST_SIDE, LEAST_VISIBLE
 from cadpose.training.synth.options import SynthOptions
 from cadpose.training.synth.records import SynthPhoto
 
@@ -68,8 +63,8 @@ def annotations(annotator: Annotator, drawn: SynthPhoto) -> Iterator[Annotated]:
     """The photo's main object annotated with its model among the candidates and without."""
     shown = drawn.objects[0]
     height, width = drawn.rgb.shape[:2]
-    box = shown.box.clipped(width, height)
-    if box is None or shown.visible < LEAST_VISIBLE or max(box.width, box.height) < LEAST_SIDE:
+    box = main_box(drawn)
+    if box is None:
         return
     photo = Photo(drawn.rgb, str(drawn.index))
     own = annotator.library.get(shown.cad)
@@ -112,34 +107,16 @@ def show(rows: list[Annotated], fitted: Trust) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("library", type=Path, help="as scripts/make_training_library.py makes it")
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--backgrounds", type=Path)
-    parser.add_argument("--photos", type=int, default=400)
-    parser.add_argument("--first", type=int, default=0, help="number of the first photo")
-    told = parser.parse_args()
-    unseen = sources(Library.open(told.library), told.backgrounds).unseen
-    if unseen is None:
-        parser.error(f"{told.library} has no held-out model")
+    photos = UnseenPhotos.told(__doc__, 400)
     annotator = Annotator(refine="fast")
-    generator = replace(unseen, options=PHOTOS).generator()
-    rows: list[Annotated] = []
-    with progress_bar("photos", told.photos) as bar:
-        for i in range(told.first, told.first + told.photos):
-            bar.advance(bar.tasks[0].id)
-            photo = generator.photo(i)
-            if photo.objects:
-                rows += annotations(annotator, photo)
+    rows = [row for photo in photos.drawn(PHOTOS) for row in annotations(annotator, photo)]
     fitted = Trust.fit(
         np.stack([row.features for row in rows]),
         [row.right for row in rows],
         precision=PRECISION,
         waste=WASTE,
     )
-    write_atomic(told.out, fitted.to_json().encode())
+    write_atomic(photos.out, fitted.to_json().encode())
     show(rows, fitted)
 
 

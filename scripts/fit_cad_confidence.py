@@ -10,24 +10,19 @@ the ranking; it takes about a second and a half a photo on one core.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from unseen_photos import UnseenPhotos, main_box
 
-from cadpose.cli.output import progress_bar
 from cadpose.geometry.angles import rotation_from_angles
-from cadpose.library.catalogue import Library
 from cadpose.library.storage import write_atomic
 from cadpose.photos import crop_square
 from cadpose.pipeline import SIDE, Annotator
 from cadpose.similarity.joint.confidence import EVIDENCE, Confidence
 from cadpose.similarity.local_features import BACKGROUND
-from cadpose.training.lite.sources import sources
-from cadpose.training.lite.stream import LEAST_SIDE, LEAST_VISIBLE
 from cadpose.training.synth.options import SynthOptions
 from cadpose.training.synth.records import SynthPhoto
 
@@ -64,8 +59,8 @@ class Ranked:
 def rankings(annotator: Annotator, photo: SynthPhoto) -> Iterator[Ranked]:
     """The photo's main object ranked with its model among the candidates and without."""
     shown = photo.objects[0]
-    box = shown.box.clipped(photo.rgb.shape[1], photo.rgb.shape[0])
-    if box is None or shown.visible < LEAST_VISIBLE or max(box.width, box.height) < LEAST_SIDE:
+    box = main_box(photo)
+    if box is None:
         return
     own = annotator.library.get(shown.cad)
     others = [m for m in annotator.library.representatives(own.category, 11) if m.id != own.id]
@@ -111,34 +106,16 @@ def show(rows: list[Ranked], fitted: Confidence) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("library", type=Path, help="as scripts/make_training_library.py makes it")
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--backgrounds", type=Path)
-    parser.add_argument("--photos", type=int, default=400)
-    parser.add_argument("--first", type=int, default=0, help="number of the first photo")
-    told = parser.parse_args()
-    unseen = sources(Library.open(told.library), told.backgrounds).unseen
-    if unseen is None:
-        parser.error(f"{told.library} has no held-out model")
+    photos = UnseenPhotos.told(__doc__, 400)
     annotator = Annotator()
-    generator = replace(unseen, options=FAR_FROM_RENDERS).generator()
-    rows: list[Ranked] = []
-    with progress_bar("photos", told.photos) as bar:
-        for i in range(told.first, told.first + told.photos):
-            bar.advance(bar.tasks[0].id)
-            photo = generator.photo(i)
-            if photo.objects:
-                rows += rankings(annotator, photo)
+    rows = [row for photo in photos.drawn(FAR_FROM_RENDERS) for row in rankings(annotator, photo)]
     fitted = Confidence.fit(
         np.stack([row.evidence for row in rows]),
         [row.among for row in rows],
         [row.right for row in rows],
         target_precision=PRECISION,
     )
-    write_atomic(told.out, fitted.to_json().encode())
+    write_atomic(photos.out, fitted.to_json().encode())
     show(rows, fitted)
 
 

@@ -10,22 +10,15 @@ modulo symmetry.
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
+from unseen_photos import UnseenPhotos, main_box
 
-from cadpose.cli.output import progress_bar
 from cadpose.geometry.angles import rotation_from_angles
-from cadpose.library.catalogue import Library
 from cadpose.library.storage import write_atomic
 from cadpose.photos import crop_square
 from cadpose.pipeline import Annotator
 from cadpose.rotation.calibration import WITHIN, Calibration
 from cadpose.rotation.embedded import FEATURES, EmbeddedRotation
-from cadpose.training.lite.sources import sources
-from cadpose.training.lite.stream import LEAST_SIDE, LEAST_VISIBLE
 from cadpose.training.synth.options import SynthOptions
 
 #: Precision that answers without a flag are to have on these photos. Drawn objects are harder to tell than
@@ -42,44 +35,26 @@ LIKE_REAL = SynthOptions(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("library", type=Path, help="as scripts/make_training_library.py makes it")
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--backgrounds", type=Path)
-    parser.add_argument("--photos", type=int, default=640)
-    parser.add_argument("--first", type=int, default=0, help="number of the first photo")
-    told = parser.parse_args()
-    unseen = sources(Library.open(told.library), told.backgrounds).unseen
-    if unseen is None:
-        parser.error(f"{told.library} has no held-out model")
+    photos = UnseenPhotos.told(__doc__, 640)
     annotator = Annotator()
     estimator = annotator.rotation
     assert isinstance(estimator, EmbeddedRotation)
     rows: list[tuple[str, bool, float, np.ndarray]] = []
-    generator = replace(unseen, options=LIKE_REAL).generator()
-    with progress_bar("photos", told.photos) as bar:
-        for i in range(told.first, told.first + told.photos):
-            bar.advance(bar.tasks[0].id)
-            photo = generator.photo(i)
-            if not photo.objects or photo.objects[0].category not in FRONTED:
-                continue
-            shown = photo.objects[0]
-            box = shown.box.clipped(photo.rgb.shape[1], photo.rgb.shape[0])
-            if box is None or shown.visible < LEAST_VISIBLE or max(box.width, box.height) < LEAST_SIDE:
-                continue
-            others = [m for m in annotator.library.representatives(shown.category, 10) if m.id != shown.cad]
-            r = shown.rotation
-            truth = rotation_from_angles(r.azimuth, r.elevation, r.inplane)
-            own = annotator.library.get(shown.cad)
-            for pool in (others, [own, *others[:9]]):
-                found = estimator.propose(crop_square(photo.rgb, box), pool)
-                error = shown.symmetry.about().geodesic_degrees(found.R_cv_from_s[0], truth)
-                rows.append((shown.category, own in pool, float(error), found.features[0]))
+    for photo in photos.drawn(LIKE_REAL):
+        shown, box = photo.objects[0], main_box(photo)
+        if shown.category not in FRONTED or box is None:
+            continue
+        others = [m for m in annotator.library.representatives(shown.category, 10) if m.id != shown.cad]
+        r = shown.rotation
+        truth = rotation_from_angles(r.azimuth, r.elevation, r.inplane)
+        own = annotator.library.get(shown.cad)
+        for pool in (others, [own, *others[:9]]):
+            found = estimator.propose(crop_square(photo.rgb, box), pool)
+            error = shown.symmetry.about().geodesic_degrees(found.R_cv_from_s[0], truth)
+            rows.append((shown.category, own in pool, float(error), found.features[0]))
     X, error = np.stack([row[3] for row in rows]), np.array([row[2] for row in rows])
     fitted = Calibration.fit(X, error, FEATURES, target_precision=PRECISION)
-    write_atomic(told.out, fitted.to_json().encode())
+    write_atomic(photos.out, fitted.to_json().encode())
     right, kept = error <= WITHIN, ~fitted.needs_review(X)
     for category in (*FRONTED, None):
         for among in (False, True):
