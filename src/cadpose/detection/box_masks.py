@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cadpose.detection.masks import part_in_photo
 from cadpose.geometry.boxes import Box
 from cadpose.records import Mask, Photo
 
@@ -19,9 +20,7 @@ class BoxMasks:
         Raises:
             ValueError: the box lies outside the photo.
         """
-        inner = box.clipped(photo.width, photo.height)
-        if inner is None:
-            raise ValueError(f"{box} lies outside the photo of {photo.width} x {photo.height} pixels")
+        inner = part_in_photo(photo, box)
         out = np.zeros((photo.height, photo.width), np.bool_)
         x0, y0, x1, y1 = (int(v) for v in np.ceil(np.array(inner.to_tuple()) - 0.5))
         out[y0:y1, x0:x1] = True

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.detection.mask_crop import SIDE, MaskCrop
-from cadpose.detection.masks import tidied
+from cadpose.detection.masks import part_in_photo, tidied
 from cadpose.geometry.boxes import Box
 from cadpose.geometry.frames import FloatArray
 from cadpose.onnx_session import open_session
@@ -51,9 +51,7 @@ class NetworkMasks:
         Raises:
             ValueError: the box lies outside the photo.
         """
-        inner = box.clipped(photo.width, photo.height)
-        if inner is None:
-            raise ValueError(f"{box} lies outside the photo of {photo.width} x {photo.height} pixels")
+        inner = part_in_photo(photo, box)
         crop = MaskCrop.of(photo.rgb, inner)
         chances = self.chances(crop)
         reach = BEYOND * max(inner.width, inner.height)

@@ -58,6 +58,18 @@ class MaskEstimator(Protocol):
         ...
 
 
+def part_in_photo(photo: Photo, box: Box) -> Box:
+    """The part of a box that lies in the photo.
+
+    Raises:
+        ValueError: there is none.
+    """
+    inner = box.clipped(photo.width, photo.height)
+    if inner is None:
+        raise ValueError(f"{box} lies outside the photo of {photo.width} x {photo.height} pixels")
+    return inner
+
+
 class GrabCutMasks:
     """Masks by GrabCut from the box alone.
 
@@ -78,9 +90,7 @@ class GrabCutMasks:
         Raises:
             ValueError: the box lies outside the photo.
         """
-        inner = box.clipped(photo.width, photo.height)
-        if inner is None:
-            raise ValueError(f"{box} lies outside the photo of {photo.width} x {photo.height} pixels")
+        inner = part_in_photo(photo, box)
         # Whole pixels around the enlarged box.
         around = inner.scaled(CONTEXT).clipped(photo.width, photo.height) or inner
         x0, y0 = int(around.x0), int(around.y0)
