@@ -12,7 +12,7 @@ from cadpose.datasets.label import Label, RunLengths
 from cadpose.datasets.labels import write_labels
 from cadpose.datasets.scene_sets import open_scenes
 from cadpose.datasets.scenes import Scene, SceneSet, TrueObject
-from cadpose.datasets.scenes_yolo import COCO_80
+from cadpose.detection.coco import COCO_80
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.photos import read_photo

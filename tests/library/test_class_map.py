@@ -9,7 +9,6 @@ from cadpose.library.class_map import (
     category_from_name,
     category_from_sweethome3d,
     category_from_synset,
-    synsets_from_category,
 )
 
 
@@ -30,7 +29,7 @@ def test_the_papers_ten_classes_can_be_detected_and_retrieved() -> None:
     }  # fmt: skip
     for name in PAPER_CATEGORIES:
         assert CATEGORIES[name].coco
-        assert synsets_from_category(name)
+        assert CATEGORIES[name].synsets
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def _library_category(name: str | None) -> str | None:
-    from cadpose.library.class_map import category_from_name
+    from cadpose.library.class_map import category_or_word
 
-    return name and (category_from_name(name) or name.strip().lower())
+    return name and category_or_word(name)
 
 
 def replace(

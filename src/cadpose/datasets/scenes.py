@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cadpose.geometry.boxes import Box
-from cadpose.library.class_map import category_from_coco, category_from_name
+from cadpose.library.class_map import category_from_coco, category_or_word
 from cadpose.records import Mask, Photo
 
 
@@ -74,7 +74,7 @@ class SceneSet:
 
 def library_word(name: str) -> str:
     """The library category of a data set's class name; a name of none stands for itself."""
-    return category_from_coco(name) or category_from_name(name) or name.strip().lower()
+    return category_from_coco(name) or category_or_word(name)
 
 
 def whole_box(photo: Photo) -> Box:

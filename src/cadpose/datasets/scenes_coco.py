@@ -19,6 +19,7 @@ from cadpose.detection.coco_parts import (
     CocoRuns,
     segmentation_mask,
 )
+from cadpose.detection.faults import first_fault
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.records import Mask, Photo
@@ -51,11 +52,7 @@ def coco_scenes(path: Path, images: Path | None = None, content: Any = None) -> 
     try:
         file = _File.model_validate(read_json(path) if content is None else content)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        where = ".".join(str(piece) for piece in first["loc"])
-        raise InputError(
-            f"{path}: is no label file in COCO's JSON ({where + ': ' if where else ''}{first['msg']})"
-        ) from None
+        raise InputError(f"{path}: is no label file in COCO's JSON ({first_fault(error)})") from None
     folder = path.parent if images is None else images
     names = {category.id: library_word(category.name) for category in file.categories}
     by_image: dict[int, list[tuple[int, _Annotation]]] = {image.id: [] for image in file.images}

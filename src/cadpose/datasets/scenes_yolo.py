@@ -15,7 +15,7 @@ import numpy as np
 
 from cadpose.datasets.files import read_bytes, read_words
 from cadpose.datasets.scenes import Scene, SceneSet, TrueObject, library_word
-from cadpose.detection.coco import COCO_NAMES
+from cadpose.detection.coco import COCO_80
 from cadpose.detection.polygons import mask_from_polygons
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
@@ -27,8 +27,6 @@ from cadpose.records import Mask, Photo
 IMAGES, LABELS, CLASSES = "images", "labels", "classes.txt"
 #: Largest label file, and most objects of a photo.
 MAX_BYTES, MAX_OBJECTS = 16 * 2**20, 10_000
-#: COCO's 80 names by the numbers that YOLO gives them: without the gaps.
-COCO_80 = tuple(COCO_NAMES[i] for i in sorted(COCO_NAMES))
 
 _Shares = tuple[float, ...]
 _Line = tuple[str, _Shares]

@@ -17,6 +17,8 @@ COCO_NAMES: dict[int, str] = {
     87: "scissors", 88: "teddy bear", 89: "hair drier", 90: "toothbrush",
 }  # fmt: skip
 
+#: The same names without gaps, by the numbers that most networks and YOLO give them.
+COCO_80 = tuple(COCO_NAMES[i] for i in sorted(COCO_NAMES))
 #: COCO ids of people, animals and food: never an object of the library, so ignored by default.
 LIVING = frozenset([1, *range(16, 26), *range(52, 62)])
 _LIVING_NAMES = frozenset(COCO_NAMES[i] for i in LIVING)

@@ -27,10 +27,12 @@ from cadpose.detection.coco_parts import (
     Number,
     segmentation_mask,
 )
+from cadpose.detection.faults import first_fault
 from cadpose.detection.photo_names import PhotoIndex
-from cadpose.detection.reading import check_room, is_wanted, library_category, read_capped
+from cadpose.detection.reading import check_room, is_wanted, read_capped
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
+from cadpose.library.class_map import category_or_word
 from cadpose.records import Detection, Mask, Photo, Rotation
 
 log = logging.getLogger(__name__)
@@ -76,7 +78,7 @@ class FileDetector:
         self.path = Path(path)
         self.categories = None if categories is None else frozenset(categories)
         content = _parsed(self.path)
-        self._names = {c.id: library_category(c.name) for c in content.categories}
+        self._names = {c.id: category_or_word(c.name) for c in content.categories}
         self._images: PhotoIndex[CocoImage] = PhotoIndex(self.path, "give their folders in file_name")
         for image in content.images:
             self._images.add(image.file_name, image)
@@ -162,11 +164,7 @@ def _parsed(path: Path) -> _File:
     try:
         return _File.model_validate_json(data.removeprefix(BOM_UTF8))
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        where = ".".join(str(piece) for piece in first["loc"])
-        raise InputError(
-            f"{path} is not a detections file in COCO's JSON: {where + ': ' if where else ''}{first['msg']}."
-        ) from None
+        raise InputError(f"{path} is not a detections file in COCO's JSON: {first_fault(error)}.") from None
 
 
 def _mask(segmentation: list[list[float]] | CocoRuns | None, photo: Photo) -> Mask | None:

@@ -9,10 +9,11 @@ import numpy as np
 
 from cadpose.detection.imagenet import classify
 from cadpose.detection.polygons import MAX_CORNERS, mask_from_polygons
-from cadpose.detection.reading import check_room, library_category
+from cadpose.detection.reading import check_room
 from cadpose.encoder import lite0
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
+from cadpose.library.class_map import category_or_word
 from cadpose.records import Detection, Mask, Photo, Rotation
 
 _T = TypeVar("_T")
@@ -86,7 +87,7 @@ def named_detection(
         raise InputError("--category is empty: name one such as car or chair.")
     return Detection(
         box=box,
-        category=library_category(name),
+        category=category_or_word(name),
         mask=mask,
         rotation=rotation,
         source=source,

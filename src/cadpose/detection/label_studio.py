@@ -21,13 +21,14 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from cadpose.detection.brush_rle import decode_brush
+from cadpose.detection.faults import first_fault
 from cadpose.detection.photo_names import PhotoIndex, path_parts
 from cadpose.detection.polygons import mask_from_polygons
-from cadpose.detection.reading import check_room, is_wanted, library_category, read_capped
+from cadpose.detection.reading import check_room, is_wanted, read_capped
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.geometry.frames import FloatArray
-from cadpose.library.class_map import category_from_name
+from cadpose.library.class_map import category_from_name, category_or_word
 from cadpose.photos import SUFFIXES
 from cadpose.records import Detection, Mask, Photo
 
@@ -187,7 +188,7 @@ class LabelStudioDetector:
             score = work.score
         return Detection(
             box=box,
-            category=library_category(word),
+            category=category_or_word(word),
             score=1.0 if score is None or not 0.0 <= score <= 1.0 else score,
             mask=mask,
             source="file",
@@ -232,11 +233,9 @@ def _parsed(path: Path) -> list[_Task]:
             return tasks
         raise InputError(f"{path} is not a detections file: it holds no task, export the annotated ones.")
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        where = ".".join(str(piece) for piece in first["loc"])
         raise InputError(
             f"{path} is not a detections file that Label Studio exports as JSON (not JSON-MIN): "
-            f"{where + ': ' if where else ''}{first['msg']}."
+            f"{first_fault(error)}."
         ) from None
 
 

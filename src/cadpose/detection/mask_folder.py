@@ -19,10 +19,10 @@ from cadpose.detection.coco import is_living
 from cadpose.detection.given import named_detection
 from cadpose.detection.mask_png import read_masks
 from cadpose.detection.photo_names import path_parts
-from cadpose.detection.reading import is_wanted, library_category
+from cadpose.detection.reading import is_wanted
 from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
-from cadpose.library.class_map import category_from_name
+from cadpose.library.class_map import category_from_name, category_or_word
 from cadpose.records import Detection, Photo
 
 #: Most files that a folder of masks may hold, its sub-folders included.
@@ -117,7 +117,7 @@ class MaskFolder:
     def _is_category(self, word: str) -> bool:
         """Whether a word of a path tells what a mask shows."""
         known = bool(category_from_name(word)) or is_living(word.strip().lower())
-        return known or (bool(word) and library_category(word) in (self.categories or ()))
+        return known or (bool(word) and category_or_word(word) in (self.categories or ()))
 
     def _only(self, path: Path) -> str | None:
         """The category that was asked for, None without."""

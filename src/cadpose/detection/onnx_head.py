@@ -14,7 +14,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from cadpose.detection.coco import COCO_NAMES
+from cadpose.detection.coco import COCO_80, COCO_NAMES
+from cadpose.detection.faults import first_fault
 from cadpose.detection.reading import read_capped, read_start
 from cadpose.errors import InputError
 
@@ -220,7 +221,7 @@ class Head(_Model):
     def class_names(self) -> tuple[str, ...]:
         """A name for each class in the order of the scores, empty for numbers that COCO does not use."""
         if self.classes == "coco-80":
-            return tuple(COCO_NAMES[i] for i in sorted(COCO_NAMES))
+            return COCO_80
         if self.classes == "coco-91":
             return tuple(COCO_NAMES.get(i, "") for i in range(91))
         return tuple(self.classes)
@@ -244,11 +245,7 @@ def read_head(path: Path) -> Head:
     try:
         return Head.model_validate_json(data)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        where = ".".join(str(piece) for piece in first["loc"])
-        raise InputError(
-            f"{path} does not describe a detector: {where + ': ' if where else ''}{first['msg']}."
-        ) from None
+        raise InputError(f"{path} does not describe a detector: {first_fault(error)}.") from None
 
 
 def network_path(path: Path, head: Head) -> Path:

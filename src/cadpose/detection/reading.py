@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cadpose.detection.coco import is_living
 from cadpose.errors import InputError
-from cadpose.library.class_map import category_from_name
+from cadpose.library.class_map import category_or_word
 from cadpose.records import Photo
 
 #: Most bytes that the masks of one photo's objects may take in memory, a byte a pixel.
@@ -76,12 +76,7 @@ def check_room(origin: Path | str, count: int, photo: Photo, before: int = 0) ->
         )
 
 
-def library_category(word: str) -> str:
-    """The library's name of what a file calls an object; its own word in lower case where there is none."""
-    return category_from_name(word) or word.strip().lower()
-
-
 def is_wanted(word: str, categories: Collection[str] | None) -> bool:
     """Whether objects of that class are taken: those asked for, else all but people, animals and food."""
-    category = library_category(word)
+    category = category_or_word(word)
     return not is_living(category) if categories is None else category in categories

@@ -10,8 +10,9 @@ from cadpose.detection import DetectionSource
 from cadpose.detection.coco_json import FileDetector
 from cadpose.detection.label_studio import LabelStudioDetector
 from cadpose.detection.mask_folder import MaskFolder
-from cadpose.detection.reading import library_category, read_start
+from cadpose.detection.reading import read_start
 from cadpose.errors import InputError
+from cadpose.library.class_map import category_or_word
 
 _KINDS = "COCO JSON, a JSON export of Label Studio, or a folder of PNG masks"
 
@@ -29,7 +30,7 @@ def open_detections(path: Path | str, categories: Collection[str] | None = None)
     """
     path = Path(path)
     # The words of the files are mapped alike.
-    wanted = None if categories is None else [library_category(word) for word in categories]
+    wanted = None if categories is None else [category_or_word(word) for word in categories]
     if path.is_dir():
         return MaskFolder(path, wanted)
     start = read_start(path, 4096, _KINDS).removeprefix(BOM_UTF8)

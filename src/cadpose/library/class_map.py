@@ -162,12 +162,6 @@ def category_from_synset(synset: str) -> str | None:
     return _FROM_SYNSET.get(synset.strip().lower().removeprefix("n"))
 
 
-def synsets_from_category(category: str) -> tuple[str, ...]:
-    """WordNet offsets of a category, ShapeNetCore's first; empty where there are none."""
-    found = CATEGORIES.get(category)
-    return found.synsets if found else ()
-
-
 def category_from_name(name: str) -> str | None:
     """Library category of what a person may write (``"Couches"``, ``"n03001627"``, ``"desk"``), or None."""
     key = re.sub(r"[\s_\-]+", " ", name.strip().lower())
@@ -183,6 +177,11 @@ def category_from_name(name: str) -> str | None:
         if form in _FROM_COCO:
             return _FROM_COCO[form]
     return category_from_synset(key)
+
+
+def category_or_word(name: str) -> str:
+    """Library category of what a person may write; the word itself in lower case where there is none."""
+    return category_from_name(name) or name.strip().lower()
 
 
 @dataclass(frozen=True, slots=True)

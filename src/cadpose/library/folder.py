@@ -27,7 +27,7 @@ from pathlib import Path
 
 from cadpose.errors import InputError
 from cadpose.library.assets import contained_path, read_capped
-from cadpose.library.class_map import OTHER, category_from_name
+from cadpose.library.class_map import OTHER, category_from_name, category_or_word
 from cadpose.library.importing import ImportItem
 from cadpose.library.limits import MIB
 from cadpose.library.loading import MESH_SUFFIXES
@@ -153,7 +153,7 @@ def _side_files(folder: Path) -> str:
 
 def _category(given: str | None, relative: str) -> str:
     if given:
-        return category_from_name(given) or given.strip().lower()
+        return category_or_word(given)
     parts = relative.split("/")
     for part in (*reversed(parts[:-1]), parts[-1].rsplit(".", 1)[0]):
         known = _category_of_words(part)
