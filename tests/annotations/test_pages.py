@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import dataclasses
-import io
 import re
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -19,28 +16,9 @@ from cadpose.annotations.style import COLOURS, object_crop, standing_text
 from cadpose.geometry.boxes import Box
 from cadpose.records import Candidate, Detection, Photo, Rotation
 from tests.annotations.factory import make_annotation, make_cad, make_failure, make_photo, make_views
+from tests.html_page import Page
 
 HOSTILE = "<script>alert(1)</script>\"'><img src=x onerror=alert(1)>&amp;{{7*7}}"
-
-
-class Page(HTMLParser):
-    """Tags, their attributes and the text of a page."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.text = ""
-        self.feed(html)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-
-    def pictures(self) -> list[Image.Image]:
-        sources = [attrs["src"] or "" for tag, attrs in self.tags if tag == "img"]
-        return [Image.open(io.BytesIO(base64.b64decode(source.split(",")[1]))) for source in sources]
 
 
 def make_card(photo: Photo, document: AnnotationDocument) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -15,24 +14,9 @@ from cadpose.batch.record import AnnotatedObject, LeftOutObject, PhotoRecord
 from cadpose.batch.report import Pace, report_html
 from cadpose.pipeline import Annotator
 from tests.batch.fakes import annotate_all
+from tests.html_page import Page
 
 HOSTILE = "<script>alert(1)</script>\"'><img src=x onerror=alert(1)>&amp;"
-
-
-class Page(HTMLParser):
-    """Tags, their attributes and the text of a page."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.text = ""
-        self.feed(html)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
 
 
 def found(iou: float = 0.8, confidence: float | None = 0.9, name: str = "SUV") -> AnnotatedObject:
