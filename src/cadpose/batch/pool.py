@@ -92,11 +92,6 @@ class WorkerPool:
     ) -> None:
         self._end_all()
 
-    @property
-    def pids(self) -> list[int]:
-        """Of the processes that are there now."""
-        return [member.process.pid for member in self._members if member.process.pid is not None]
-
     def making(self) -> Making:
         """What photos will be made with, as the first worker that is ready tells.
 

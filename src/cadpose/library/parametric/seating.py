@@ -11,8 +11,6 @@ from numpy.random import Generator
 from cadpose.library.parametric import shapes
 from cadpose.library.parametric.solids import Array, Builder, Paint, Solid, joined
 
-LEG_STYLES = ("square", "taper", "round", "splayed", "turned", "hairpin", "cabriole")
-
 
 def chance(rng: Generator, share: float) -> bool:
     """True in that share of draws."""
