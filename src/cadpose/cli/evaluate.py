@@ -12,6 +12,7 @@ import typer
 from cadpose.cli.evaluate_alignment import alignment
 from cadpose.cli.evaluate_detection import detection
 from cadpose.cli.evaluate_masks import masks
+from cadpose.cli.evaluated import LabelCategory, name_unused
 from cadpose.cli.library_search import library_search
 from cadpose.cli.options import (
     Candidates,
@@ -24,7 +25,7 @@ from cadpose.cli.options import (
     Seed,
     make_annotator,
 )
-from cadpose.cli.output import complain, print_json, print_table, progress_bar
+from cadpose.cli.output import print_json, print_table, progress_bar
 from cadpose.cli.retrieval import Boxes, retrieval
 
 if TYPE_CHECKING:
@@ -42,14 +43,13 @@ app.command("detection")(detection)
 app.command("masks")(masks)
 
 _Labels = Annotated[Path, typer.Argument(help="Label file, JSON or JSONL: photo, box, category, azimuth ...")]
-_Category = Annotated[str | None, typer.Option("--category", help="Only labels of this category.")]
 _Split = Annotated[str | None, typer.Option("--split", help="Only labels of this split.")]
 
 
 @app.command("rotation")
 def rotation(
     labels: _Labels,
-    category: _Category = None,
+    category: LabelCategory = None,
     split: _Split = None,
     unoccluded: Annotated[
         bool, typer.Option("--unoccluded", help="Only labels that are neither occluded nor truncated.")
@@ -132,7 +132,7 @@ def rotation(
             lambda _: bar.advance(bar.tasks[0].id),
             label_symmetry(annotator.library, symmetry),
         )
-    _report_failures([(str(r.label.photo), r.reason) for r in results if r.reason and not r.lost])
+    name_unused((str(r.label.photo), r.reason) for r in results if r.reason and not r.lost)
     table = rotation_table(results) | confidence_figures(results)
     if report is not None:
         facts = {
@@ -241,8 +241,3 @@ def _share(row: dict[str, Any], key: str) -> str:
 
 def _degrees(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}°"
-
-
-def _report_failures(failures: Sequence[tuple[str, str]]) -> None:
-    for photo, reason in failures:
-        complain(reason if photo in reason else f"{photo}: {reason}")

@@ -7,6 +7,15 @@ from typing import Annotated, Literal
 
 import typer
 
+from cadpose.cli.evaluated import (
+    Csv,
+    LabelCategory,
+    OutlineReport,
+    SpreadSplit,
+    name_unused,
+    print_tables,
+    write_csv,
+)
 from cadpose.cli.options import (
     AlignTo,
     Candidates,
@@ -19,7 +28,7 @@ from cadpose.cli.options import (
     Seed,
     make_annotator,
 )
-from cadpose.cli.output import complain, print_json, progress_bar
+from cadpose.cli.output import progress_bar
 from cadpose.cli.targets import check_targets
 
 
@@ -61,16 +70,11 @@ def alignment(
         bool, typer.Option("--labelled-masks", help="Give the labelled mask in place of the estimated one.")
     ] = False,
     align_to: AlignTo = "box",
-    category: Annotated[str | None, typer.Option("--category", help="Only labels of this category.")] = None,
-    split: Annotated[
-        str, typer.Option("--split", help="odd or even ones of each category, all, or a split of the labels.")
-    ] = "all",
+    category: LabelCategory = None,
+    split: SpreadSplit = "all",
     limit: Annotated[int | None, typer.Option("--limit", min=1, help="At most so many a category.")] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option("--report", help="Folder of a page, tables, outcomes and sheets of outlines."),
-    ] = None,
-    csv: Annotated[Path | None, typer.Option("--csv", help="CSV file with the tables.")] = None,
+    report: OutlineReport = None,
+    csv: Csv = None,
     estimator: Estimator = "embedded",
     library: LibraryFolder = None,
     candidates: Candidates = 10,
@@ -94,7 +98,6 @@ def alignment(
     from cadpose.evaluation.alignment_tables import alignment_tables
     from cadpose.evaluation.outline_report import report_files
     from cadpose.evaluation.retrieval_inputs import choose_labels, gallery_candidates, is_synthetic
-    from cadpose.library.storage import write_atomic
 
     labels = choose_labels(dataset, category, split, limit, kind)
     own = [] if report is None else [("--report", path) for path in report_files(report)]
@@ -114,8 +117,7 @@ def alignment(
     ways = Ways(placements, cad == "chosen", rotation == "true", labelled_masks, named)
     with progress_bar("alignment", len(labels)) as bar:
         outcomes, failed = evaluate_alignment(labels, annotator, ways, lambda: bar.advance(bar.tasks[0].id))
-    for photo, reason in failed:
-        complain(reason if photo in reason else f"{photo}: {reason}")
+    name_unused(failed)
     if not outcomes:
         raise InputError(f"{dataset}: no object could be placed")
     compared = sum(outcome.labelled_mask for outcome in outcomes)
@@ -132,14 +134,8 @@ def alignment(
         },
         notes=(f"{len(failed)} photos could not be used.",) if failed else (),
     )
-    if csv is not None:
-        write_atomic(csv, tables.to_csv().encode("utf-8", "backslashreplace"))
+    write_csv(csv, tables)
     page = None if report is None else write_alignment_report(report, tables, outcomes)
-    if json:
-        print_json(tables.to_json())
-    else:
-        typer.echo(tables.to_text(), nl=False)
-        if page is not None:
-            typer.echo(f"\nReport: {page}")
+    print_tables(tables, json, page)
     if failed:
         raise typer.Exit(1)

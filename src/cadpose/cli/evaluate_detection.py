@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from cadpose.cli.evaluated import Csv, name_unused, print_tables, write_csv
 from cadpose.cli.options import Categories, DetectorNames, Device, Json, Seed
-from cadpose.cli.output import complain, print_json, progress_bar
+from cadpose.cli.output import progress_bar
 from cadpose.cli.targets import check_targets
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def detection(
     report: Annotated[
         Path | None, typer.Option("--report", help="Folder of a page, tables, outcomes and sheets of photos.")
     ] = None,
-    csv: Annotated[Path | None, typer.Option("--csv", help="CSV file with the tables.")] = None,
+    csv: Csv = None,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
@@ -66,7 +67,6 @@ def detection(
     from cadpose.evaluation.detection_run import Contestant, counted_categories, evaluate_detection
     from cadpose.evaluation.detection_tables import detection_tables
     from cadpose.evaluation.scene_choice import evenly_spread
-    from cadpose.library.storage import write_atomic
 
     require_pycocotools()
     names = detector or ["embedded"]
@@ -82,8 +82,7 @@ def detection(
         outcomes, failed = evaluate_detection(
             chosen, contestants, categories, lambda: bar.advance(bar.tasks[0].id)
         )
-    for photo, reason in failed:
-        complain(reason if photo in reason else f"{photo}: {reason}")
+    name_unused(failed)
     tables = detection_tables(
         outcomes,
         contestants,
@@ -93,20 +92,14 @@ def detection(
         smallest=smallest,
         notes=(f"{len(failed)} photos could not be used.",) if failed else (),
     )
-    if csv is not None:
-        write_atomic(csv, tables.to_csv().encode("utf-8", "backslashreplace"))
+    write_csv(csv, tables)
     page = None
     if report is not None:
         with progress_bar("report", len(names)) as bar:
             page = write_detection_report(
                 report, tables, outcomes, {"Device": device}, lambda: bar.advance(bar.tasks[0].id)
             )
-    if json:
-        print_json(tables.to_json())
-    else:
-        typer.echo(tables.to_text(), nl=False)
-        if page is not None:
-            typer.echo(f"\nReport: {page}")
+    print_tables(tables, json, page)
     if failed:
         raise typer.Exit(1)
 

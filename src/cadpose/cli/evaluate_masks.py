@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from cadpose.cli.evaluate_detection import Dataset, Images, Limit, Smallest, read_files
+from cadpose.cli.evaluated import Csv, OutlineReport, name_unused, print_tables, write_csv
 from cadpose.cli.options import Categories, Device, Json, Seed
-from cadpose.cli.output import complain, print_json, progress_bar
+from cadpose.cli.output import progress_bar
 from cadpose.cli.targets import check_targets
 
 
@@ -39,11 +39,8 @@ def masks(
         float, typer.Option("--jitter", min=0, max=0.49, help="Move the boxes' sides by up to this share.")
     ] = 0,
     limit: Limit = None,
-    report: Annotated[
-        Path | None,
-        typer.Option("--report", help="Folder of a page, tables, outcomes and sheets of outlines."),
-    ] = None,
-    csv: Annotated[Path | None, typer.Option("--csv", help="CSV file with the tables.")] = None,
+    report: OutlineReport = None,
+    csv: Csv = None,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
@@ -61,7 +58,6 @@ def masks(
     from cadpose.evaluation.outline_report import report_files
     from cadpose.evaluation.perturbations import Perturbation
     from cadpose.evaluation.scene_choice import evenly_spread
-    from cadpose.library.storage import write_atomic
 
     try:
         perturbation = Perturbation(jitter, seed=seed)
@@ -81,8 +77,7 @@ def masks(
             perturbation=perturbation if jitter else None,
             on_done=lambda: bar.advance(bar.tasks[0].id),
         )
-    for photo, reason in failed:
-        complain(reason if photo in reason else f"{photo}: {reason}")
+    name_unused(failed)
     if not outcomes:
         raise InputError(f"{dataset}: holds no object with a mask that could be compared")
     words = perturbation.in_words()
@@ -93,14 +88,8 @@ def masks(
         boxes=f"as labelled, {words}" if words else "as labelled",
         notes=(f"{len(failed)} photos could not be used.",) if failed else (),
     )
-    if csv is not None:
-        write_atomic(csv, tables.to_csv().encode("utf-8", "backslashreplace"))
+    write_csv(csv, tables)
     page = None if report is None else write_mask_report(report, tables, outcomes, {"Device": device})
-    if json:
-        print_json(tables.to_json())
-    else:
-        typer.echo(tables.to_text(), nl=False)
-        if page is not None:
-            typer.echo(f"\nReport: {page}")
+    print_tables(tables, json, page)
     if failed:
         raise typer.Exit(1)

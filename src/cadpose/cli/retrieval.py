@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from cadpose.cli.evaluated import Csv, LabelCategory, SpreadSplit, name_unused, print_tables, write_csv
 from cadpose.cli.options import (
     Candidates,
     DetectorName,
@@ -19,7 +20,7 @@ from cadpose.cli.options import (
     Seed,
     make_annotator,
 )
-from cadpose.cli.output import complain, print_json, progress_bar
+from cadpose.cli.output import complain, progress_bar
 from cadpose.cli.targets import check_targets
 
 if TYPE_CHECKING:
@@ -81,11 +82,8 @@ def retrieval(
     boxes: Boxes = "true",
     detector: DetectorName = "embedded",
     reject_flagged: RejectFlagged = False,
-    category: Annotated[str | None, typer.Option("--category", help="Only labels of this category.")] = None,
-    split: Annotated[
-        str,
-        typer.Option("--split", help="odd or even ones of each category, all, or a split of the labels."),
-    ] = "all",
+    category: LabelCategory = None,
+    split: SpreadSplit = "all",
     limit: Annotated[
         int | None, typer.Option("--limit", min=1, help="At most so many photos a category, evenly spread.")
     ] = None,
@@ -95,7 +93,7 @@ def retrieval(
     ] = None,
     resume: Resume = False,
     report: Report = None,
-    csv: Annotated[Path | None, typer.Option("--csv", help="CSV file with the tables.")] = None,
+    csv: Csv = None,
     beside_paper: Annotated[
         bool, typer.Option("--beside-paper", help="Show the paper's own tables too.")
     ] = False,
@@ -114,7 +112,6 @@ def retrieval(
     from cadpose.evaluation.retrieval_inputs import choose_labels
     from cadpose.evaluation.retrieval_job import TABLE_FILES, RetrievalJob, run_job
     from cadpose.evaluation.retrieval_store import OUTCOMES, SETTINGS
-    from cadpose.library.storage import write_atomic
 
     if resume and out is None:
         raise typer.BadParameter("--resume needs --out, the folder to go on with")
@@ -151,8 +148,7 @@ def retrieval(
         tables, outcomes = run_job(
             job, annotator, out, resume=resume, beside_paper=beside_paper, progress=progress
         )
-    if csv is not None:
-        write_atomic(csv, tables.to_csv().encode("utf-8", "backslashreplace"))
+    write_csv(csv, tables)
     tell(tables, outcomes, annotator, report, json)
 
 
@@ -189,19 +185,13 @@ def tell(
     from cadpose.evaluation.retrieval_report import draw_examples, write_retrieval_report
 
     broken = failures(outcomes)
-    for photo, reason in broken:
-        complain(reason if photo in reason else f"{photo}: {reason}")
+    name_unused(broken)
     if report is not None:
         names = [table.measure for table in tables.tables]
         with progress_bar("report", len(names)) as bar:
             strips = draw_examples(annotator, outcomes, names, lambda: bar.advance(bar.tasks[0].id))
         facts = {"Estimator": annotator.rotation.name, "Library": annotator.library.digest}
         write_retrieval_report(report, tables, strips, facts)
-    if json:
-        print_json(tables.to_json())
-    else:
-        typer.echo(tables.to_text(), nl=False)
-        if report is not None:
-            typer.echo(f"\nReport: {report}")
+    print_tables(tables, json, report)
     if broken:
         raise typer.Exit(1)
