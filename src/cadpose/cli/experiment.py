@@ -8,7 +8,18 @@ from typing import Annotated, Literal
 
 import typer
 
-from cadpose.cli.options import Categories, Device, Json, LibraryFolder, Seed, make_annotator
+from cadpose.cli.options import (
+    Backgrounds,
+    Categories,
+    Device,
+    Json,
+    LibraryFolder,
+    Panoramas,
+    PhotoSide,
+    Samples,
+    Seed,
+    make_annotator,
+)
 from cadpose.cli.output import complain, progress_bar
 from cadpose.cli.retrieval import (
     Measures,
@@ -35,16 +46,10 @@ def paper(
     photos: Annotated[int, typer.Option("--photos", min=1, help="Photos a category.")] = 100,
     models: Annotated[int, typer.Option("--models", min=2, help="CAD models a category.")] = 10,
     category: Categories = None,
-    size: Annotated[int, typer.Option("--size", min=32, max=4096, help="Side of a photo in pixels.")] = 320,
-    samples: Annotated[int, typer.Option("--samples", min=1, max=4096, help="Blender's rays a pixel.")] = 16,
-    backgrounds: Annotated[
-        Path | None,
-        typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
-    ] = None,
-    hdri: Annotated[
-        Path | None,
-        typer.Option("--hdri", help="Folder of .hdr or .exr panoramas that light Blender's photos."),
-    ] = None,
+    size: PhotoSide = 320,
+    samples: Samples = 16,
+    backgrounds: Backgrounds = None,
+    hdri: Panoramas = None,
     measure: Measures = None,
     rotation: Annotated[
         Literal["predicted", "true"], typer.Option("--rotation", help="Rotation that models are compared at.")

@@ -20,13 +20,23 @@ LibraryFolder = Annotated[
         "--library", help="CAD library folder; $CADPOSE_LIBRARY or the user's data folder unless told."
     ),
 ]
+Backgrounds = Annotated[
+    Path | None,
+    typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
+]
+Panoramas = Annotated[
+    Path | None,
+    typer.Option("--hdri", help="Folder of .hdr or .exr panoramas that light Blender's photos."),
+]
+PhotoSide = Annotated[int, typer.Option("--size", min=32, max=4096, help="Side of a photo in pixels.")]
+Samples = Annotated[int, typer.Option("--samples", min=1, max=4096, help="Blender's rays a pixel.")]
 Candidates = Annotated[int, typer.Option("--candidates", min=1, help="CAD models compared a category.")]
 
 
 def _library_categories(names: list[str] | None) -> list[str] | None:
-    from cadpose.library.class_map import category_from_name
+    from cadpose.library.class_map import category_or_word
 
-    return names and [category_from_name(name) or name.strip().lower() for name in names]
+    return names and [category_or_word(name) for name in names]
 
 
 Categories = Annotated[

@@ -9,29 +9,33 @@ from typing import Annotated, Literal
 
 import typer
 
-from cadpose.cli.options import Categories, Json, LibraryFolder, RendererName, Seed
+from cadpose.cli.options import (
+    Backgrounds,
+    Categories,
+    Json,
+    LibraryFolder,
+    Panoramas,
+    PhotoSide,
+    RendererName,
+    Samples,
+    Seed,
+)
 from cadpose.cli.output import complain, print_json, print_table, progress_bar
 
 
 def synth(
     out: Annotated[Path, typer.Argument(help="Folder for photos, labels.jsonl, coco.json and sheet.jpg.")],
     count: Annotated[int, typer.Option("--count", min=1, help="Photos in the folder.")] = 100,
-    size: Annotated[int, typer.Option("--size", min=32, max=4096, help="Side of a photo in pixels.")] = 224,
+    size: PhotoSide = 224,
     category: Categories = None,
     held_out: Annotated[
         bool,
         typer.Option("--held-out", help="Only models that no shipped network was trained on."),
     ] = False,
-    backgrounds: Annotated[
-        Path | None,
-        typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
-    ] = None,
+    backgrounds: Backgrounds = None,
     renderer: RendererName = "raster",
-    hdri: Annotated[
-        Path | None,
-        typer.Option("--hdri", help="Folder of .hdr or .exr panoramas that light Blender's photos."),
-    ] = None,
-    samples: Annotated[int, typer.Option("--samples", min=1, max=4096, help="Blender's rays a pixel.")] = 16,
+    hdri: Panoramas = None,
+    samples: Samples = 16,
     format: Annotated[Literal["jpg", "png"], typer.Option("--format", help="File format.")] = "jpg",
     warp: Annotated[
         float, typer.Option("--warp", min=0, max=3, help="Strength of shape warps; 0: models as they are.")

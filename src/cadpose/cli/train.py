@@ -5,12 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cadpose.cli.options import Device, Json, LibraryFolder, RendererName, Seed
+from cadpose.cli.options import Backgrounds, Device, Json, LibraryFolder, RendererName, Seed
 from cadpose.cli.output import print_json, print_table, progress_bar
+
+if TYPE_CHECKING:
+    from cadpose.training.architectures import TrainingOptions, TrainingReport
+    from cadpose.training.triplet.options import TripletOptions, TripletReport
 
 app = typer.Typer(help="Train networks on labelled photographs, or on drawn ones.", no_args_is_help=True)
 
@@ -29,6 +33,15 @@ _Arch = Annotated[
 ]
 
 
+_Out = Annotated[Path, typer.Option("--out", help="Folder for checkpoint, curves and network.")]
+_Validation = Annotated[
+    Path | None, typer.Option("--val", help="Label file to measure on after every epoch.")
+]
+_Steps = Annotated[int | None, typer.Option("--steps", min=1, help="Optimiser steps.")]
+_Drawers = Annotated[int, typer.Option("--workers", min=0, help="Processes that draw; 0: one a core.")]
+_Resume = Annotated[bool, typer.Option("--resume", help="Go on with the training in --out.")]
+
+
 def _only_its_own(arch: str, given: dict[str, Any]) -> None:
     """Refuse options that the architecture does not take; ``given`` is by name of the option."""
     from cadpose.training.architectures import TAKES
@@ -43,21 +56,16 @@ def _only_its_own(arch: str, given: dict[str, Any]) -> None:
 
 @app.command("rotation")
 def rotation(
-    out: Annotated[Path, typer.Option("--out", help="Folder for checkpoint, curves and network.")],
+    out: _Out,
     data: Annotated[
         Path | None, typer.Option("--data", help="Label file: photo, box, category, azimuth ...")
     ] = None,
     arch: _Arch = "posecontrast",
     library: LibraryFolder = None,
-    backgrounds: Annotated[
-        Path | None,
-        typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
-    ] = None,
+    backgrounds: Backgrounds = None,
     photos: Annotated[int | None, typer.Option("--photos", min=1, help="Photos to draw.")] = None,
-    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Optimiser steps.")] = None,
-    validation: Annotated[
-        Path | None, typer.Option("--val", help="Label file to measure on after every epoch.")
-    ] = None,
+    steps: _Steps = None,
+    validation: _Validation = None,
     init: Annotated[
         str | None, typer.Option("--init", help="Weights to start from: moco, random or a file.")
     ] = None,
@@ -69,7 +77,7 @@ def rotation(
             "--workers", min=0, help="Threads that read photos, or processes that draw; 0: one a core."
         ),
     ] = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the training in --out.")] = False,
+    resume: _Resume = False,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
@@ -98,10 +106,7 @@ def rotation(
         resume=resume,
         workers=workers,
     )
-    with progress_bar("training", None) as bar:
-        report = trainer.train(
-            options, lambda done, total: bar.update(bar.tasks[0].id, completed=done, total=total)
-        )
+    report = _trained(trainer, options)
     if json:
         print_json(
             {
@@ -114,9 +119,7 @@ def rotation(
             }
         )
         return
-    columns = list(report.epochs[-1]) if report.epochs else ["epoch"]
-    print_table(arch, columns, [[_number(row.get(c)) for c in columns] for row in report.epochs])
-    typer.echo(f"Network: {report.network}")
+    _print_epochs(arch, list(report.epochs[-1]) if report.epochs else ["epoch"], report)
 
 
 @app.command("triplet")
@@ -124,11 +127,9 @@ def triplet(
     data: Annotated[
         Path, typer.Option("--data", help="Label file: photo, cad, azimuth, elevation, box, mask ...")
     ],
-    out: Annotated[Path, typer.Option("--out", help="Folder for checkpoint, curves and network.")],
+    out: _Out,
     library: LibraryFolder = None,
-    validation: Annotated[
-        Path | None, typer.Option("--val", help="Label file to measure on after every epoch.")
-    ] = None,
+    validation: _Validation = None,
     init: Annotated[
         str, typer.Option("--init", help="Weights to start from: imagenet, random or a file.")
     ] = "imagenet",
@@ -143,7 +144,7 @@ def triplet(
     workers: Annotated[
         int, typer.Option("--workers", min=0, help="Threads that read and draw; 0: one a core.")
     ] = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the training in --out.")] = False,
+    resume: _Resume = False,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
@@ -169,10 +170,7 @@ def triplet(
         resume=resume,
         workers=workers,
     )
-    with progress_bar("training", None) as bar:
-        report = trainer.train(
-            options, lambda done, total: bar.update(bar.tasks[0].id, completed=done, total=total)
-        )
+    report = _trained(trainer, options)
     if json:
         print_json(
             {
@@ -188,90 +186,92 @@ def triplet(
             }
         )
         return
-    columns = list(report.epochs[-1])
-    title = f"triplet, from {report.initial} weights"
-    print_table(title, columns, [[_number(row.get(c)) for c in columns] for row in report.epochs])
-    typer.echo(f"Network: {report.network}")
-
-
-_Drawn = Annotated[
-    Path | None,
-    typer.Option("--backgrounds", help="Folder of photos to cut backdrops from; made up without."),
-]
-_Steps = Annotated[int | None, typer.Option("--steps", min=1, help="Optimiser steps.")]
-_Workers = Annotated[int, typer.Option("--workers", min=0, help="Processes that draw; 0: one a core.")]
-_Resume = Annotated[bool, typer.Option("--resume", help="Go on with the training in --out.")]
-_Out = Annotated[Path, typer.Option("--out", help="Folder for checkpoint, curves and network.")]
+    _print_epochs(f"triplet, from {report.initial} weights", list(report.epochs[-1]), report)
 
 
 @app.command("masks")
 def masks(
     out: _Out,
     library: LibraryFolder = None,
-    backgrounds: _Drawn = None,
+    backgrounds: Backgrounds = None,
     steps: _Steps = None,
     batch: Annotated[int | None, typer.Option("--batch", min=2, help="Objects a step.")] = None,
-    workers: _Workers = 0,
+    workers: _Drawers = 0,
     resume: _Resume = False,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
     """Train the network that finds the mask of the object in a box."""
-    told: dict[str, Any] = {"library": library, "backgrounds": backgrounds, "steps": steps}
-    told |= {
-        "out": out,
-        "batch_size": batch,
-        "workers": workers,
-        "resume": resume,
-        "device": device,
-        "seed": seed,
-    }
-    _drawn_training("masks", ("step", "iou", "median", "over90"), told, json)
+    from cadpose.training.architectures import TrainingOptions
+
+    options = TrainingOptions(
+        out=out,
+        library=library,
+        backgrounds=backgrounds,
+        steps=steps,
+        batch_size=batch,
+        workers=workers,
+        resume=resume,
+        device=device,
+        seed=seed,
+    )
+    _drawn_training("masks", ("step", "iou", "median", "over90"), options, json)
 
 
 @app.command("refinement")
 def refinement(
     out: _Out,
     library: LibraryFolder = None,
-    backgrounds: _Drawn = None,
+    backgrounds: Backgrounds = None,
     steps: _Steps = None,
     batch: Annotated[int | None, typer.Option("--batch", min=2, help="Pairs a step.")] = None,
-    workers: _Workers = 0,
+    workers: _Drawers = 0,
     resume: _Resume = False,
     json: Json = False,
     device: Device = "cpu",
     seed: Seed = 0,
 ) -> None:
     """Train the network that tells how a drawn model must be turned to lie on the photo."""
-    told: dict[str, Any] = {"library": library, "backgrounds": backgrounds, "steps": steps}
-    told |= {
-        "out": out,
-        "batch_size": batch,
-        "workers": workers,
-        "resume": resume,
-        "device": device,
-        "seed": seed,
-    }
+    from cadpose.training.architectures import TrainingOptions
+
+    options = TrainingOptions(
+        out=out,
+        library=library,
+        backgrounds=backgrounds,
+        steps=steps,
+        batch_size=batch,
+        workers=workers,
+        resume=resume,
+        device=device,
+        seed=seed,
+    )
     columns = ("step", "before", "median", "within5", "within10", "focal")
-    _drawn_training("refinement", columns, told, json)
+    _drawn_training("refinement", columns, options, json)
 
 
-def _drawn_training(name: str, columns: Sequence[str], told: dict[str, Any], json: bool) -> None:
+def _drawn_training(name: str, columns: Sequence[str], options: TrainingOptions, json: bool) -> None:
     """Train by ``cadpose.training.NAME.train`` on what is drawn from a library, and print what came of it."""
-    from cadpose.training.architectures import TrainingOptions, training_module
+    from cadpose.training.architectures import training_module
 
-    trainer = training_module(f"cadpose.training.{name}.train")
-    with progress_bar("training", None) as bar:
-        report = trainer.train(
-            TrainingOptions(**told),
-            lambda done, total: bar.update(bar.tasks[0].id, completed=done, total=total),
-        )
+    report = _trained(training_module(f"cadpose.training.{name}.train"), options)
     if json:
         paths = {"network": str(report.network), "checkpoint": str(report.checkpoint)}
         print_json({**paths, "curves": str(report.curves), "validation": report.validation})
         return
-    print_table(name, columns, [[_number(row.get(c)) for c in columns] for row in report.epochs])
+    _print_epochs(name, columns, report)
+
+
+def _trained(trainer: Any, options: TrainingOptions | TripletOptions) -> Any:
+    """What a module's ``train`` made by the options, with a bar while it trains."""
+    with progress_bar("training", None) as bar:
+        return trainer.train(
+            options, lambda done, total: bar.update(bar.tasks[0].id, completed=done, total=total)
+        )
+
+
+def _print_epochs(title: str, columns: Sequence[str], report: TrainingReport | TripletReport) -> None:
+    print_table(title, columns, [[_number(row.get(c)) for c in columns] for row in report.epochs])
     typer.echo(f"Network: {report.network}")
 
 
