@@ -44,8 +44,10 @@ def read_baseline(path: Path) -> dict[str, Any]:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(f"{path} is too large for a run of `cadpose bench --json`")
         told = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"cannot read {path} as a run of `cadpose bench --json`: {error}") from error
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is no JSON of `cadpose bench --json`: {error}") from error
     if not isinstance(told, dict) or not _positive(told.get("machine"), "gflops") or not timings(told):
         raise InputError(f"{path} is no run of `cadpose bench --json` of this version: make a new one")
     return told
