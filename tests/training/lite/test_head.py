@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,15 +21,9 @@ from cadpose.training.lite.head import (
 from cadpose.training.lite.maps import Maps
 from tests.training.lite.made import CATEGORIES, made_maps
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 RECIPE = HeadRecipe(epochs=4, batch=4, warmup=2, ema=0.5, unknown=0.0)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> Iterator[None]:
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import torch
 from cadpose.errors import CadposeError, InputError
 from cadpose.library.catalogue import Library
 from cadpose.similarity.embedding import ViewEmbedder
-from cadpose.training.architectures import TrainingOptions, TrainingReport
+from cadpose.training.architectures import TrainingReport
 from cadpose.training.lite import lite0, lite0_head, maps, sources, train
 from cadpose.training.lite.head import MapHead, load_head, save_head
 from cadpose.training.lite.maps import Maps
@@ -23,30 +22,18 @@ from cadpose.training.lite.network import LitePose
 from cadpose.training.lite.networks import EmbeddedNetworks
 from cadpose.training.lite.train import CHECKPOINT, Recipe, trained_networks
 from tests.training.lite.made import CATEGORIES, source_of
+from tests.training.told import options
+
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 TINY: dict[str, Any] = {"fresh": 2, "buffer": 24, "warmup": 1, "validate_every": 2, "workers": 0}
 
 
 @pytest.fixture(autouse=True)
-def _small(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sources, "SIZE", 64)
     for module in (maps, lite0_head):
         monkeypatch.setattr(module, "SHARD", 4)
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
-@pytest.fixture
-def held_out(small_library: Library, monkeypatch: pytest.MonkeyPatch) -> str:
-    held = small_library.models("car")[0].id
-    monkeypatch.setattr(sources, "read_held_out", lambda lookalikes=True: {"car": frozenset({held})})
-    return held
-
-
-def options(library: Library, out: Path, **told: Any) -> TrainingOptions:
-    return TrainingOptions(out=out, library=library.path, **{"workers": 1, "batch_size": 2, **told})
 
 
 def test_number_of_parameters() -> None:

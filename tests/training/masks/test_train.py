@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnxruntime
@@ -19,35 +17,19 @@ from cadpose.errors import InputError
 from cadpose.geometry.boxes import Box
 from cadpose.library.catalogue import Library
 from cadpose.records import Photo
-from cadpose.training.architectures import TrainingOptions
 from cadpose.training.drawn import CHECKPOINT, DrawnStream
-from cadpose.training.lite import sources
 from cadpose.training.masks import train as training
 from cadpose.training.masks.export import export, trained_network
 from cadpose.training.masks.stream import masked_objects
 from cadpose.training.masks.train import mask_sources, train
+from tests.training.told import TINY, options
 
-TINY: dict[str, Any] = {"fresh": 1, "buffer": 24, "warmup": 1, "validate_every": 2}
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(autouse=True)
-def _small(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "UNSEEN_PHOTOS", 4)
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
-@pytest.fixture
-def held_out(small_library: Library, monkeypatch: pytest.MonkeyPatch) -> str:
-    held = small_library.models("car")[0].id
-    monkeypatch.setattr(sources, "read_held_out", lambda lookalikes=True: {"car": frozenset({held})})
-    return held
-
-
-def options(library: Library, out: Path, **told: Any) -> TrainingOptions:
-    return TrainingOptions(out=out, library=library.path, **{"workers": 1, "batch_size": 2, **told})
 
 
 def test_stream_holds_what_is_seen_of_each_object(small_library: Library) -> None:

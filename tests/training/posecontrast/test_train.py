@@ -26,14 +26,11 @@ from tests.training.posecontrast.made import TINY, authors_content, write_photos
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _small_crops() -> Iterator[None]:
-    """The network takes any size; a training of 64 px takes seconds, on one thread fewer than on several."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
+def _small_crops(one_thread: None) -> Iterator[None]:
+    """The network takes any size; a training of 64 px takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(augment, "SIDE", 64)
         yield
-    torch.set_num_threads(threads)
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,35 +14,19 @@ from cadpose.encoder import CHANNELS16
 from cadpose.errors import InputError
 from cadpose.library.catalogue import Library
 from cadpose.rotation.features import LEVELS, STEPS, standardised
-from cadpose.training.architectures import TrainingOptions
 from cadpose.training.drawn import CHECKPOINT
-from cadpose.training.lite import sources
 from cadpose.training.refinement import train as training
 from cadpose.training.refinement.export import export, trained_network
 from cadpose.training.refinement.network import UNITS, StepNetwork
 from cadpose.training.refinement.train import train
+from tests.training.told import TINY, options
 
-TINY: dict[str, Any] = {"fresh": 1, "buffer": 24, "warmup": 1, "validate_every": 2}
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(autouse=True)
-def _small(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "UNSEEN_PHOTOS", 4)
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
-@pytest.fixture
-def held_out(small_library: Library, monkeypatch: pytest.MonkeyPatch) -> str:
-    held = small_library.models("car")[0].id
-    monkeypatch.setattr(sources, "read_held_out", lambda lookalikes=True: {"car": frozenset({held})})
-    return held
-
-
-def options(library: Library, out: Path, **told: Any) -> TrainingOptions:
-    return TrainingOptions(out=out, library=library.path, **{"workers": 1, "batch_size": 2, **told})
 
 
 def test_train_resume_export_and_use(small_library: Library, held_out: str, tmp_path: Path) -> None:

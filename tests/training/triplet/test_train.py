@@ -30,13 +30,7 @@ from cadpose.training.triplet.train import photo_losses, train
 from cadpose.training.triplet.validate import candidates, validate
 from tests.training.triplet.made import TINY, write_photos
 
-
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> Iterator[None]:
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
