@@ -86,3 +86,13 @@ def test_another_version_is_refused_with_what_to_do() -> None:
     ) as told:
         AnnotationDocument.from_json(json.dumps(data), "car.json")
     assert "\n" not in str(told.value) and str(told.value).startswith("car.json ")
+
+
+@pytest.mark.parametrize(
+    "value", ["foo", "cadpose.failure/1", "cadpose.annotation/", "cadpose.annotation/x", 1]
+)
+def test_another_file_is_not_blamed_on_another_version(value: object) -> None:
+    data = {**json.loads(make_document().to_json()), "schema": value}
+    with pytest.raises(InputError) as told:
+        AnnotationDocument.from_json(json.dumps(data), "car.json")
+    assert str(told.value) == "car.json is no annotation document: its schema is not cadpose.annotation/1"

@@ -93,6 +93,10 @@ class AnnotationDocument(Part):
             where = "".join(c if c.isprintable() else "?" for c in where[:120])
             fault = f"{where}: {first['msg']}" if where else first["msg"]
             if first["loc"] == ("schema",) and first["type"] == "literal_error":
+                if not re.fullmatch(r"cadpose\.annotation/[0-9]{1,9}", str(first["input"])):
+                    raise InputError(
+                        f"{name} is no annotation document: its schema is not {SCHEMA}"
+                    ) from None
                 fault += "; another version of cadpose wrote it, read it with that one"
             more = f" (and {len(others)} more)" if others else ""
             raise InputError(f"{name} is not a valid {SCHEMA} document: {fault}{more}") from None
