@@ -180,6 +180,22 @@ def check_help() -> int:
     return len(paths)
 
 
+def check_schemas() -> int:
+    """The command prints the JSON Schemas that came with the package; gives how many there are."""
+    import cadpose as package
+
+    kept = sorted((Path(package.__file__).parent / "data").glob("*-schema.json"))
+    listed = done("schema").stdout
+    for path in kept:
+        name = path.name.removesuffix("-schema.json")
+        printed = done("schema", name).stdout
+        if name not in listed or json.loads(printed) != json.loads(path.read_text(encoding="utf-8")):
+            sys.exit(f"cadpose schema {name} prints another schema than the package holds")
+    if not kept:
+        sys.exit("the package holds no JSON Schema")
+    return len(kept)
+
+
 def check_nothing_extra() -> None:
     """No package of an extra is there, by its module's name or by its distribution's."""
     there = [name for name in ABSENT if find_spec(name) is not None]
@@ -231,12 +247,16 @@ def main(expected: str) -> None:
         sys.exit(f"version {version('cadpose')} was installed, not {expected}")
     check_nothing_extra()
     asked = check_help()
+    schemas = check_schemas()
     # Without a library the doctor has something to complain of.
     done("doctor", code=1)
     cad = check_annotation()
     done("doctor")
     refused = check_refusals(cad)
-    print(f"{asked} verbs gave their help, a photo was annotated, {refused} refusals named their extra")
+    print(
+        f"{asked} verbs gave their help, {schemas} schemas were printed, a photo was annotated, "
+        f"{refused} refusals named their extra"
+    )
 
 
 if __name__ == "__main__":

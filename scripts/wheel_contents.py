@@ -22,7 +22,7 @@ MOST_BYTES = 48_000_000
 #: Beside the networks, which the registry names.
 IN_THE_WHEEL = (
     "cadpose/py.typed",
-    "cadpose/data/annotation-schema.json",
+    *(f"cadpose/data/{name}-schema.json" for name in ("annotation", "failure", "network")),
     "cadpose/data/sweethome3d-exceptions.csv",
     "cadpose/review/static/index.html",
     "cadpose/review/static/app.js",

@@ -75,6 +75,7 @@ def _drop(name: str) -> Callable[[dict[str, bytes]], object]:
     [
         (_drop("cadpose/py.typed"), "lacks cadpose/py.typed"),
         (_drop("cadpose/review/static/three.js"), "lacks cadpose/review/static/three.js"),
+        (_drop("cadpose/data/network-schema.json"), "lacks cadpose/data/network-schema.json"),
         (_drop("cadpose/annotations/migrations/versions/0002_history.py"), "0002_history.py"),
         (_drop(f"{INFO}/licenses/NOTICE"), "licenses/NOTICE"),
         (_drop("cadpose/data/weights/masks.onnx"), "lacks the network masks"),
