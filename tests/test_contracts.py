@@ -18,7 +18,7 @@ BROKEN = {
     "tiers": ("geometry/angles.py", "def f() -> None:\n    from cadpose.records import Photo"),
     "stages": ("alignment/vote.py", "from cadpose.detection import ssd"),
     "training": ("library/mesh.py", "def f() -> None:\n    import cadpose.training"),
-    "review": ("pipeline.py", "def f() -> None:\n    import cadpose.review"),
+    "review": ("cli/annotate.py", "def f() -> None:\n    import cadpose.review"),
     "web": ("cli/serve.py", "import uvicorn"),
     "torch": ("rendering/gpu.py", "def f() -> None:\n    import torch.nn"),
     "unwanted": ("detection/yolo.py", "def f() -> None:\n    import ultralytics"),
@@ -51,6 +51,7 @@ def package(tmp_path: Path) -> Path:
     # Allowed: the package lists names of all tiers.
     (made / "__init__.py").write_text("from cadpose.cli import main", encoding="utf-8")
     (made / "review" / "server.py").write_text("import fastapi, starlette, uvicorn", encoding="utf-8")
+    (made / "cli" / "review.py").write_text("def f() -> None:\n    import cadpose.review", encoding="utf-8")
     (made / "training" / "network.py").write_text("import torch", encoding="utf-8")
     for module in ("detection/ssd", "torch_files", "similarity/xfeat"):
         (made / f"{module}.py").touch()
