@@ -1,7 +1,11 @@
 from __future__ import annotations
 
+import multiprocessing
+import subprocess
+import sys
 import threading
 import time
+import warnings
 
 import pytest
 
@@ -66,3 +70,27 @@ def test_shares_cover_every_row_once(count: int, allowed: int, monkeypatch: pyte
     parts = threads.shares(count)
     assert [n for part in parts for n in range(count)[part]] == list(range(count))
     assert len(parts) <= allowed
+
+
+def _squares() -> list[int]:
+    return threads.spread(lambda n: n * n, range(5))
+
+
+@pytest.mark.usefixtures("two")
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="needs fork")
+def test_a_forked_child_has_threads_of_its_own() -> None:
+    assert _squares() == [0, 1, 4, 9, 16]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of forking where there are threads
+        with multiprocessing.get_context("fork").Pool(1) as pool:
+            assert pool.apply_async(_squares).get(timeout=30) == [0, 1, 4, 9, 16]
+
+
+def test_work_goes_on_while_the_interpreter_goes_down() -> None:
+    program = (
+        "import atexit; from cadpose import threads; threads._allowed = 2\n"
+        "atexit.register(lambda: print(threads.spread(lambda n: n + 1, range(3))))\n"
+        "threads.spread(abs, range(3))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[1, 2, 3]"

@@ -23,7 +23,7 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.geometry.symmetry_groups import SymmetryGroup
 from cadpose.library.mesh import Mesh
 from cadpose.records import CadModel
-from cadpose.rendering import Renderer
+from cadpose.rendering import Renderer, for_several_threads
 from cadpose.rotation import RotationEstimator
 from cadpose.rotation.features import LEVELS, cell_statistics, standardised
 from cadpose.rotation.gallery import GalleryStore, RenderFramed
@@ -138,7 +138,7 @@ class Backends:
         """The models' cached views."""
         folder = self.cache or cache_folder() / "galleries"
         # Blender's worker draws one view at a time; the rasteriser may be shared by threads.
-        workers = threads() if renderer_name.startswith("raster") else 1
+        workers = threads() if for_several_threads(renderer_name) else 1
         single = encoder_on(self.device, threads=1)
         return GalleryStore(folder, single, self.render_framed, renderer_name, workers)
 
@@ -154,7 +154,8 @@ class Backends:
             raise ValueError("the joint ranking needs the models' meshes")
         encoder = encoder_on(self.device)
         source = GalleryTemplates(self.galleries(renderer_name), encoder, self.mesh)
-        return JointRanker(source, self.render_framed, encoder, self.seed)
+        shared = for_several_threads(renderer_name)
+        return JointRanker(source, self.render_framed, encoder, self.seed, shared=shared)
 
     def similarity(self, which: object) -> SimilarityMeasure:
         """A similarity measure by name."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cadpose.onnx_session import open_session
-from cadpose.threads import spread
+from cadpose.threads import spread, threads
 
 #: Side of the square image that the encoder was trained on.
 SIDE = 224
@@ -53,7 +53,7 @@ class Lite0:
     @cached_property
     def _alone(self) -> Lite0:
         """The same with one thread an operation: what several images at once are quickest with."""
-        return self if self.device != "cpu" else lite0(self.device, threads=1)
+        return self if self.device != "cpu" or threads() == 1 else lite0(self.device, threads=1)
 
     def _each(self, work: Callable[[int], None], count: int) -> None:
         if self.threads == 1:

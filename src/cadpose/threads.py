@@ -62,7 +62,7 @@ def spread(work: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer
     """``[work(item) for item in items]``, on as many threads as this process may have.
 
     For work that gives up Python's lock: networks, rendering, products of matrices. Work within such work
-    stays on its thread, so that there are never more threads than told.
+    stays on its thread. What libraries do with threads of their own, BLAS above all, is not counted.
     """
     many = list(items)
     count = threads()
@@ -73,7 +73,11 @@ def spread(work: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer
         _within.now = True
         return work(item)
 
-    return list(_pool(count, os.getpid()).map(alone, many))
+    try:
+        answers = _pool(count, os.getpid()).map(alone, many)
+    except RuntimeError:  # the interpreter is going down and starts no thread any more
+        return [work(item) for item in many]
+    return list(answers)
 
 
 @contextmanager

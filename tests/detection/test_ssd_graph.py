@@ -132,6 +132,10 @@ def test_priors_lie_in_the_middle_of_their_cells() -> None:
         (TEXT, {k: v for k, v in WEIGHTS.items() if k != "kernel"}, "kernel"),
         (TEXT.replace("PriorBox", "Const"), WEIGHTS, "prior"),
         ("node {", WEIGHTS, "no graph"),
+        (TEXT.replace("DetectionOutput", "Const"), WEIGHTS, "detection output"),
+        (TEXT.replace("list { i: 1 i: 2 i: 2 i: 1 }", "list { i: 1 i: 0 i: 0 i: 1 }"), WEIGHTS, "needs"),
+        (TEXT.replace("list { i: 1 i: 2 i: 2 i: 1 }", "list { i: 1 }"), WEIGHTS, "needs"),
+        (TEXT.replace("float_val: 0.2 float_val: 0.2", ""), WEIGHTS, "variances"),
     ],
 )
 def test_another_graph_is_refused(text: str, weights: dict[str, np.ndarray], reason: str) -> None:
@@ -142,3 +146,13 @@ def test_another_graph_is_refused(text: str, weights: dict[str, np.ndarray], rea
 def test_damaged_weights_are_refused() -> None:
     with pytest.raises(ValueError, match="no graph"):
         read_graph(b"\x0a\xff", TEXT, 8)
+
+
+def test_a_constant_of_absurd_size_is_refused() -> None:
+    graph = _message("GraphDef")
+    graph.ParseFromString(frozen(WEIGHTS))
+    (node,) = [n for n in graph.node if n.name == "sub/y"]
+    for _ in range(4):
+        node.attr["value"].tensor.tensor_shape.dim.add(size=1 << 11)
+    with pytest.raises(ValueError, match="numbers"):
+        read_graph(graph.SerializeToString(), TEXT, 8)

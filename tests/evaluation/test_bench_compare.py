@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 
 from cadpose.errors import InputError
-from cadpose.evaluation.bench_compare import compare, read_baseline, timings
+from cadpose.evaluation.bench_compare import compare, read_baseline, slower, timings, unmatched
 
 
 def run(gflops: float = 100.0, detect: float = 200.0) -> dict[str, Any]:
     return {
-        "machine": {"gflops": gflops, "gbytes": 10.0},
+        "machine": {"gflops": gflops, "gflops_one_core": 50.0, "gbytes": 10.0},
         "stages": {"detect": detect, "library": 0.1},
         "rotation": {"whole": 50.0},
         "candidates": [
@@ -28,6 +28,7 @@ def run(gflops: float = 100.0, detect: float = 200.0) -> dict[str, Any]:
 def test_every_timing_in_milliseconds() -> None:
     assert timings(run()) == {
         "stages: detect": 200.0,
+        "stages: library": 0.1,
         "rotation: whole": 50.0,
         "candidates: raster": 30.0,
         "galleries: a model": 5000.0,
@@ -50,6 +51,20 @@ def test_the_slowest_comes_first_and_what_one_run_lacks_is_left_out() -> None:
     assert changes[0].name == "stages: detect"
     assert changes[0].ratio == pytest.approx(1.5)
     assert not any(change.name.startswith("synth") for change in changes)
+    assert unmatched(run(), after) == ["synth: drawing a photo", "synth: writing a photo"]
+
+
+def test_a_short_stage_that_became_long_is_told() -> None:
+    after = run()
+    after["stages"]["library"] = 60.0
+    (worse,) = slower(compare(run(), after), 0.25)
+    assert (worse.name, worse.before, worse.after) == ("stages: library", 0.1, 60.0)
+
+
+def test_the_work_of_one_core_is_scaled_by_one_core() -> None:
+    changes = {change.name: change.ratio for change in compare(run(), run(gflops=400.0))}
+    assert changes["galleries: a model"] == pytest.approx(1.0)
+    assert changes["stages: detect"] == pytest.approx(4.0)
 
 
 def test_a_run_is_read_back(tmp_path: Path) -> None:
@@ -59,7 +74,16 @@ def test_a_run_is_read_back(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "[]", "{}", '{"machine": {"gflops": 0}}', '{"machine": {"gflops": 5}, "stages": []}', "[" * 100_000],
+    [
+        "",
+        "[]",
+        "{}",
+        '{"machine": {"gflops": 0}}',
+        '{"machine": {"gflops": 5}, "stages": []}',
+        "[" * 100_000,
+        '{"machine": {"gflops": 5, "gflops_one_core": 5}, "stages": {"detect": 1' + "0" * 400 + "}}",
+        '{"machine": {"gflops": 1' + "0" * 400 + ', "gflops_one_core": 5}, "stages": {"detect": 9}}',
+    ],
 )
 def test_another_file_is_refused_by_name(tmp_path: Path, text: str) -> None:
     (tmp_path / "other.json").write_text(text)

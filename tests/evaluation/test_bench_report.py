@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -48,12 +49,15 @@ def test_a_network_of_others_counts_nothing() -> None:
 
 
 def test_a_floor_is_arithmetic_and_traffic() -> None:
-    assert Floor(gflop=3.0, mbytes=50.0).ms(Machine(gflops=100.0, gbytes=10.0)) == pytest.approx(35.0)
+    assert Floor(gflop=3.0, mbytes=50.0).ms(
+        Machine(gflops=100.0, gflops_one_core=50.0, gbytes=10.0)
+    ) == pytest.approx(35.0)
 
 
 def test_the_machine_computes_and_copies() -> None:
     machine = measure_machine(repeats=1)
     assert machine.gflops > 0.1
+    assert machine.gflops_one_core > 0.1
     assert machine.gbytes > 0.01
 
 
@@ -64,6 +68,25 @@ def test_floors_of_the_stages(small_library: Library, tmp_path: Path) -> None:
     assert floors["detect"].gflop == 0.0  # a given box needs no network
     assert min(floors[stage].gflop for stage in ("mask", "rotation", "similarity", "alignment")) > 0.1
     assert floors["rotation"].mbytes > 1.0
+
+
+def test_no_floors_of_an_object_that_cannot_be_annotated(small_library: Library, tmp_path: Path) -> None:
+    class Foreign(GivenBox):
+        def detect(self, photo: Photo) -> list[Detection]:
+            return [replace(one, category="airship") for one in super().detect(photo)]
+
+    annotator = Annotator(small_library, cache=tmp_path, candidates=2, detector=Foreign())
+    said: list[str] = []
+    told = bench_report.bench(annotator, [], 1, parts=(), progress=said.append)
+    assert told["floors"] == {}
+    assert "airship" in said[0]
+
+
+def test_no_floors_of_several_photos(small_library: Library, tmp_path: Path) -> None:
+    grey = Photo(np.full((480, 640, 3), 170, np.uint8), "grey")
+    assert (
+        bench_report.bench(annotator_of(small_library, tmp_path), [grey, grey], 1, parts=())["floors"] == {}
+    )
 
 
 def test_candidates_are_timed_and_the_missing_are_told(small_library: Library, tmp_path: Path) -> None:

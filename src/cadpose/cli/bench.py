@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,6 +10,7 @@ import typer
 
 from cadpose.cli.options import Device, Json, LibraryFolder, Seed, make_annotator
 from cadpose.cli.output import complain, print_json, print_table
+from cadpose.errors import InputError
 
 
 def bench(
@@ -37,7 +39,7 @@ def bench(
     Without a photo, a render of the library stands in for one. Read ratios, not single times: they were
     taken in one run on this machine.
     """
-    from cadpose.evaluation.bench_compare import compare, read_baseline
+    from cadpose.evaluation.bench_compare import compare, read_baseline, slower, unmatched
     from cadpose.evaluation.bench_report import bench as measure
     from cadpose.photos import find_photos, read_photo
 
@@ -45,28 +47,33 @@ def bench(
     annotator = make_annotator(library, device=device, seed=seed)
     pictures = [read_photo(p) for p in find_photos(photos)] if photos else []
     wanted = {"renderers": renderers, "galleries": galleries, "synth": synth}
-    told = measure(annotator, pictures, repeats, [part for part, asked in wanted.items() if asked], complain)
-    changes = [] if before is None else compare(before, told)
-    slower = [change for change in changes if change.ratio > 1.0 + tolerance]
+    parts = [part for part, asked in wanted.items() if asked]
+    told = measure(annotator, pictures, repeats, parts, complain, device)
+    if before is None:
+        if json:
+            print_json(told)
+        else:
+            _print(told)
+        return
+    changes = compare(before, told)
     if json:
-        if before is not None:
-            told["changes"] = [
-                {"name": c.name, "before": c.before, "after": c.after, "ratio": c.ratio} for c in changes
-            ]
-        print_json(told)
+        print_json(told | {"changes": [dataclasses.asdict(change) for change in changes]})
     else:
         _print(told)
-        if before is not None:
-            print_table(
-                "Against the earlier run, the machine's speed taken out",
-                ["timing", "before, ms", "now, ms", "ratio"],
-                [[c.name, f"{c.before:.1f}", f"{c.after:.1f}", f"{c.ratio:.2f}"] for c in changes],
-            )
-    if slower:
-        complain(
-            f"{len(slower)} of {len(changes)} timings are slower than in {against} by more than "
-            f"{tolerance:.0%}: " + ", ".join(f"{c.name} ({c.ratio:.2f} x)" for c in slower)
+        print_table(
+            "Against the earlier run, the machine's speed taken out",
+            ["timing", "before, ms", "now, ms", "ratio"],
+            [[c.name, f"{c.before:.1f}", f"{c.after:.1f}", f"{c.ratio:.2f}"] for c in changes],
         )
+    if before.get("threads") != told["threads"]:
+        complain(f"{against} had {before.get('threads')} threads and this run {told['threads']}")
+    if alone := unmatched(before, told):
+        complain(f"only one of the runs measured {', '.join(alone)}")
+    if not changes:
+        raise InputError(f"{against} and this run measured nothing in common")
+    if worse := slower(changes, tolerance):
+        names = ", ".join(f"{c.name} ({c.ratio:.2f} x)" for c in worse)
+        complain(f"slower than in {against} by more than {tolerance:.0%}: {names}")
         raise typer.Exit(1)
 
 
@@ -94,7 +101,7 @@ def _print(told: dict[str, Any]) -> None:
     for title, part in (("One rotation estimate", "rotation"), ("One joint ranking", "ranking")):
         parts = told[part]
         print_table(
-            f"{title}, one core",
+            f"{title}, spread over no threads",
             ["part", "ms", "share"],
             [[name, f"{ms:.1f}", f"{ms / parts['whole']:.0%}"] for name, ms in parts.items()],
         )
@@ -112,13 +119,13 @@ def _print(told: dict[str, Any]) -> None:
             print_table(title, ["renderer", "ms", "ratio"], lines)
     if made := told["galleries"]:
         print_table(
-            f"Templates of a model, {made['views']} views, one core",
+            f"Templates of a model, {made['views']} views, one core's time",
             ["models a minute", "of which encoding"],
             [[f"{made['per_minute']:.1f}", f"{made['encoding']:.0%}"]],
         )
     if drawn := told["synth"]:
         print_table(
-            f"Synthetic photos of {drawn['size']} x {drawn['size']}, one core",
+            f"Synthetic photos of {drawn['size']} x {drawn['size']}, one core's time",
             ["work", "photos a second"],
             [["draw", f"{drawn['drawing']:.0f}"], ["draw, encode, write", f"{drawn['writing']:.0f}"]],
         )

@@ -85,7 +85,10 @@ class Ssd:
     def _network(self) -> Network:
         graph = ssd_graph()
         # One thread a window: several windows on as many cores are quicker than one window on all.
-        session = open_session(graph.network, self.device, threads=1, name=NAME)
+        try:
+            session = open_session(graph.network, self.device, threads=1, name=NAME)
+        except Exception as error:  # ONNX Runtime's errors share no class of their own
+            raise DependencyError(f"the SSD cannot be run ({error})") from error
 
         def see(small: NDArray[np.uint8], floor: float) -> FloatArray:
             encodings, scores = session.run([ENCODINGS, SCORES], {IMAGES: small[None]})

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ IMAGES, ENCODINGS, SCORES = "images", "encodings", "scores"
 _OPSET = 17
 _PACKAGE = "cadpose.tensorflow"
 _FLOAT, _INT32, _UINT8 = 1, 3, 4
+#: No constant of an SSD of this kind is as large.
+_MOST_NUMBERS = 1 << 26
 #: Offset of a prior's centre within its cell.
 _MIDDLE = 0.5
 
@@ -66,6 +69,8 @@ def read_graph(frozen: bytes, text: str, side: int) -> SsdGraph:
         return _Translation(constants, side).of(graph.node)
     except KeyError as error:
         raise ValueError(f"the graph lacks {error}") from error
+    except (IndexError, ZeroDivisionError) as error:
+        raise ValueError(f"the graph has a node without what it needs ({error})") from error
 
 
 class _Translation:
@@ -104,8 +109,11 @@ class _Translation:
             if node.op not in self._operations:
                 raise ValueError(f"{node.name} is a {node.op}, which no SSD of this kind has")
             self._operations[node.op](node)
-        if not self._priors:
-            raise ValueError("the graph has no prior boxes")
+        if not self._priors or self._variance.shape != (4,):
+            raise ValueError("the graph has no prior boxes, or not four variances of them")
+        made = {name for node in self._nodes for name in node.output}
+        if not {ENCODINGS, SCORES} <= made:
+            raise ValueError("the graph has no detection output")
         batch = "n"
         graph = helper.make_graph(
             self._nodes,
@@ -142,6 +150,8 @@ class _Translation:
             raise ValueError(f"{name} holds neither floats nor whole numbers")
         kind, few = kinds[tensor.dtype]
         shape = [d.size for d in tensor.tensor_shape.dim]
+        if not 0 <= prod(shape) <= _MOST_NUMBERS:
+            raise ValueError(f"{name} has {prod(shape)} numbers")
         values = np.frombuffer(tensor.tensor_content, kind) if tensor.tensor_content else np.array(few, kind)
         # One value may stand for all.
         return np.full(shape, values[0]) if values.size == 1 else values.reshape(shape)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from cadpose.errors import CadposeError
 from cadpose.evaluation.bench_rendering import blender, raster, reason_of
+from cadpose.evaluation.bench_stages import bench_category
 from cadpose.geometry.angles import rotation_from_angles
 from cadpose.geometry.camera import Cameras
 from cadpose.pipeline import SIDE, Annotator
@@ -56,8 +57,7 @@ def bench_candidates(
     The renderers take turns; what the first turn takes is not counted.
     """
     library = annotator.library
-    category = "car" if "car" in library.categories() else library.models()[0].category
-    meshes = [library.mesh(cad) for cad in annotator.candidates(category)]
+    meshes = [library.mesh(cad) for cad in annotator.candidates(bench_category(library))]
     R = rotation_from_angles(_AZIMUTH, _ELEVATION)
     cameras = [Cameras.framing(R, mesh.hull, size=SIDE) for mesh in meshes]
     skipped: dict[str, str] = {}

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from cadpose.errors import InputError
 
+#: No timing, and no machine, reaches this: what fits no float is no number here.
+_MOST = 1e15
 #: A run's JSON is no larger.
 MAX_BYTES = 1 << 20
-#: Milliseconds of a stage below which nothing is said: they are lost in the noise.
+#: Where both timings are below so many milliseconds nothing is said: they are lost in the noise.
 _LEAST_MS = 2.0
+#: Timings of one core's time.
+_ONE_CORE = ("galleries", "synth")
 
 
 @dataclass(frozen=True)
@@ -41,26 +45,41 @@ def read_baseline(path: Path) -> dict[str, Any]:
         InputError: the file cannot be read or is no such run.
     """
     try:
-        if path.stat().st_size > MAX_BYTES:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
             raise InputError(f"{path} is too large for a run of `cadpose bench --json`")
-        told = json.loads(path.read_text(encoding="utf-8"))
+        told = json.loads(data)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is no JSON of `cadpose bench --json`: {error}") from error
-    if not isinstance(told, dict) or not _positive(told.get("machine"), "gflops") or not timings(told):
+    machine = told.get("machine") if isinstance(told, dict) else None
+    if not all(_positive(machine, key) for key in ("gflops", "gflops_one_core")) or not timings(told):
         raise InputError(f"{path} is no run of `cadpose bench --json` of this version: make a new one")
-    return told
+    return dict(told)
 
 
 def compare(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Change]:
     """What both runs measured, the slowest first."""
-    scale = after["machine"]["gflops"] / before["machine"]["gflops"]
     old, new = timings(before), timings(after)
-    changes = [
-        Change(name, old[name], new[name], scale * new[name] / old[name]) for name in new if name in old
-    ]
+    changes = []
+    for name in new:
+        if name in old and max(old[name], new[name]) >= _LEAST_MS:
+            key = "gflops_one_core" if name.startswith(_ONE_CORE) else "gflops"
+            scale = float(after["machine"][key]) / float(before["machine"][key])
+            changes.append(Change(name, old[name], new[name], scale * new[name] / old[name]))
     return sorted(changes, key=lambda change: -change.ratio)
+
+
+def unmatched(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+    """What only one of the runs measured, so that nothing can be said of it."""
+    return sorted(timings(before).keys() ^ timings(after).keys())
+
+
+def slower(changes: Sequence[Change], tolerance: float) -> list[Change]:
+    """Those that are slower by more than a share."""
+    return [change for change in changes if change.ratio > 1.0 + tolerance]
 
 
 def timings(told: Mapping[str, Any]) -> dict[str, float]:
@@ -79,7 +98,7 @@ def timings(told: Mapping[str, Any]) -> dict[str, float]:
     for key in ("drawing", "writing"):
         if _positive(told.get("synth"), key):
             found[f"synth: {key} a photo"] = 1000.0 / told["synth"][key]
-    return {name: ms for name, ms in found.items() if ms >= _LEAST_MS}
+    return found
 
 
 def _table(told: object) -> dict[str, float]:
@@ -89,4 +108,4 @@ def _table(told: object) -> dict[str, float]:
 
 def _positive(told: object, key: str) -> bool:
     value = told.get(key) if isinstance(told, dict) else None
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value < float("inf")
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value < _MOST

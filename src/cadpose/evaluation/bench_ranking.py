@@ -1,4 +1,4 @@
-"""What a joint ranking is made of: milliseconds by part, warm, on one core."""
+"""What a joint ranking is made of: milliseconds by part, warm, spread over no threads."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 from cadpose.backends import GalleryTemplates
 from cadpose.encoder import SIDE, Lite0
 from cadpose.evaluation.bench_rotation import median_ms
+from cadpose.evaluation.bench_stages import bench_category
 from cadpose.geometry.boxes import Box
 from cadpose.photos import crop_square
 from cadpose.pipeline import Annotator
@@ -29,12 +30,12 @@ def bench_ranking(annotator: Annotator, photo: Photo, box: Box, repeats: int) ->
     if not isinstance(known, GalleryTemplates):
         raise ValueError("only a joint ranking over galleries is timed")
     library = annotator.library
-    category = "car" if "car" in library.categories() else library.models()[0].category
+    category = bench_category(library)
     cads = library.representatives(category, annotator.candidate_count)
     guesses = annotator.estimate_rotation(photo, box, category, cads)
     encoder = Lite0(threads=1)
     source = GalleryTemplates(known.galleries, encoder, known.mesh)
-    ranker = JointRanker(source, annotator.render_framed, encoder)
+    ranker = JointRanker(source, annotator.render_framed, encoder, shared=annotator.joint.shared)
     plain, aspect = crop_square(photo.rgb, box, SIDE), box.width / box.height
     crop = crop_square(photo.rgb, box, SIDE, fill=BACKGROUND)
     rotations = ranker.look(plain, aspect, cads, guesses).rotations

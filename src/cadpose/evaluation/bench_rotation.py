@@ -1,4 +1,4 @@
-"""What a rotation estimate is made of: milliseconds by part, warm, on one core."""
+"""What a rotation estimate is made of: milliseconds by part, warm, spread over no threads."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cadpose.encoder import SIDE, Lite0
+from cadpose.evaluation.bench_stages import bench_category
 from cadpose.geometry.boxes import Box
 from cadpose.photos import crop_square
 from cadpose.pipeline import Annotator
@@ -32,7 +33,7 @@ def bench_rotation(annotator: Annotator, photo: Photo, box: Box, repeats: int) -
             f"the parts of the embedded estimator are timed, not those of {annotator.rotation.name}"
         )
     library = annotator.library
-    category = "car" if "car" in library.categories() else library.models()[0].category
+    category = bench_category(library)
     cads = library.representatives(category, annotator.candidate_count)
     compare, encoder = annotator.rotation.compare, Lite0(threads=1)
     network = RotationNetwork(threads=1)

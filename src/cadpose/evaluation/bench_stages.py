@@ -50,10 +50,15 @@ def bench_meshes(library: Library) -> dict[str, Mesh]:
 STAND_IN_BOX = Box(80, 0, 560, 480)
 
 
+def bench_category(library: Library) -> str:
+    """What is measured with: cars, or the library's first category."""
+    return "car" if "car" in library.categories() else next(iter(library.categories()))
+
+
 def stand_in_photo(annotator: Annotator) -> Photo:
     """A 640 x 480 render of a car, or of the library's first model, for timing without a photograph."""
     library = annotator.library
-    category = "car" if "car" in library.categories() else next(iter(library.categories()))
+    category = bench_category(library)
     mesh = library.mesh(library.representatives(category, 1)[0])
     framed = Cameras.framing(rotation_from_angles(40.0, 12.0), mesh.hull, size=480, margin=0.1)
     view = annotator.renderer.render(mesh, framed).over(170)[0]

@@ -9,6 +9,11 @@ from cadpose.library.mesh import Mesh
 from cadpose.records import Views
 
 
+def for_several_threads(name: str) -> bool:
+    """Whether several threads may call the renderer of that name at once."""
+    return name.startswith("raster")
+
+
 class Renderer(Protocol):
     """Draws one mesh from many cameras in one call.
 

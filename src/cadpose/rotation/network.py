@@ -23,7 +23,7 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.onnx_session import open_session
 from cadpose.rotation.bins import BIN_DEGREES, BINS, decode_hypotheses, probabilities
 from cadpose.rotation.features import Described
-from cadpose.threads import spread
+from cadpose.threads import spread, threads
 
 #: Name of the shipped network.
 SHIPPED = "rotation.onnx"
@@ -83,7 +83,7 @@ class RotationNetwork:
     @cached_property
     def _alone(self) -> Any:
         """The same with one thread an operation: what several crops at once are quickest with."""
-        if self.threads == 1 or self.device != "cpu":
+        if self.threads == 1 or self.device != "cpu" or threads() == 1:
             return self._session
         return RotationNetwork(self.path, self.device, threads=1)._session
 

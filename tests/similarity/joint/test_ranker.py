@@ -1,13 +1,17 @@
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from cadpose import threads
+from cadpose.geometry.frames import FloatArray
 from cadpose.library.catalogue import Library
 from cadpose.photos import crop_square
-from cadpose.records import CadModel, Rotation, RotationHypothesis
+from cadpose.records import CadModel, Rotation, RotationHypothesis, Views
 from cadpose.similarity.joint import ranker as module
 from cadpose.similarity.joint.ranker import JointRanker, JointRanking
 from cadpose.similarity.local_features import BACKGROUND
@@ -102,3 +106,23 @@ def test_one_model_is_an_answer_too(small_library: Library, rank: Callable[..., 
         rank(shot, guesses(30), [])
     with pytest.raises(ValueError, match="hypothesis"):
         rank(shot, [], [only.cad])
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_renderer_is_called_by_one_thread_at_a_time_unless_it_allows_more(
+    small_library: Library, source: SmallSource, monkeypatch: pytest.MonkeyPatch, shared: bool
+) -> None:
+    monkeypatch.setattr(threads, "_allowed", 2)
+    by: set[str] = set()
+
+    def render(cad: CadModel, R_cv_from_s: FloatArray) -> Views:
+        by.add(threading.current_thread().name)
+        time.sleep(0.02)
+        return source.render(cad, R_cv_from_s)
+
+    ranker = JointRanker(source, render, seed=1, shared=shared)
+    shot = shoot(small_library, "made/car/hatch.obj", TRUE)
+    grey = crop_square(shot.photo.rgb, shot.box, 224, fill=BACKGROUND)
+    cads = small_library.models("car")
+    ranker.drawn(grey, 1.0, cads, np.stack([TRUE.to_matrix()] * len(cads)))
+    assert (by == {threading.current_thread().name}) is not shared

@@ -87,6 +87,7 @@ class JointRanker:
         encoder: The process's shared Lite0 if None.
         seed: RANSAC's seed.
         confidence: From evidence to chances; None for the shipped one.
+        shared: Whether several threads may call ``render`` at once.
     """
 
     name = "joint"
@@ -98,12 +99,15 @@ class JointRanker:
         encoder: Lite0 | None = None,
         seed: int = 0,
         confidence: Confidence | None = None,
+        *,
+        shared: bool = False,
     ) -> None:
         self.source = source
         self.render = render
         self.encoder = lite0() if encoder is None else encoder
         self.dense = DenseLite0(encoder=self.encoder)
         self.seed = seed
+        self.shared = shared
         self._confidence = confidence
 
     @property
@@ -227,8 +231,11 @@ class JointRanker:
         self, crop: NDArray[np.uint8], aspect: float, cads: Sequence[CadModel], R_cv_from_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """(K,) aligned scores and (K,) inliers of K models drawn at (K, 3, 3) rotations."""
-        posed = zip(cads, R_cv_from_s, strict=True)
-        views = Views.joined(spread(lambda one: self.render(one[0], one[1][None]), posed))
+        posed = [(cad, R[None]) for cad, R in zip(cads, R_cv_from_s, strict=True)]
+        if self.shared:
+            views = Views.joined(spread(lambda one: self.render(*one), posed))
+        else:
+            views = Views.joined([self.render(*one) for one in posed])
         images = np.concatenate([crop[None], views.over(BACKGROUND)])
         maps = self.dense.encode(images)
         small = maps[self.dense.sides.index(SIDE)]

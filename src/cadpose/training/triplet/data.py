@@ -21,7 +21,7 @@ from cadpose.geometry.frames import FloatArray
 from cadpose.library.catalogue import Library
 from cadpose.photos import crop_square
 from cadpose.records import CadModel
-from cadpose.rendering import Renderer
+from cadpose.rendering import Renderer, for_several_threads
 from cadpose.similarity.triplet_framing import Framing
 
 #: Side of crops and renders before they are framed, that of the pipeline.
@@ -157,7 +157,7 @@ class Pictures:
 
     def workers(self, wanted: int) -> int:
         """Threads that may draw at once: Blender's worker draws one view at a time."""
-        if not self.renderer.name.startswith("raster"):
+        if not for_several_threads(self.renderer.name):
             return 1
         return wanted or os.cpu_count() or 1
 
