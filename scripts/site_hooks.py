@@ -23,12 +23,6 @@ OUTSIDE = {
 _LINK = re.compile(r"(\]\()([^)#\s]+)([^)]*\))")
 
 
-def on_config(config: Any) -> Any:
-    """Leave out of the navigation what this checkout does not have."""
-    config.nav = _there(config.nav, Path(config.docs_dir))
-    return config
-
-
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages and texts from outside docs/, and whatever else of the repository a page links to."""
     for name, where in OUTSIDE.items():
@@ -69,15 +63,3 @@ def _outside(target: str, page: str) -> str | None:
     if not place.is_file() or not place.is_relative_to(ROOT) or place.is_relative_to(ROOT / "docs"):
         return None
     return place.relative_to(ROOT).as_posix()
-
-
-def _there(nav: list[Any], docs: Path) -> list[Any]:
-    made = {where for name, where in OUTSIDE.items() if (ROOT / name).is_file()}
-    kept: list[Any] = []
-    for entry in nav:
-        ((title, value),) = entry.items() if isinstance(entry, dict) else ((None, entry),)
-        if isinstance(value, list):
-            kept.append({title: _there(value, docs)})
-        elif value in made or (docs / value).is_file():
-            kept.append(entry)
-    return kept

@@ -126,6 +126,21 @@ def test_the_site_builds_without_a_broken_link(tmp_path: Path) -> None:
         assert fetched == [], page.name
 
 
+def test_the_index_and_the_site_name_the_same_pages() -> None:
+    """mkdocs itself tells a page that the navigation lacks, or names and that is not there."""
+    text = (REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]
+    nav = set(re.findall(r": (\S+\.md)$", text, re.MULTILINE))
+    outside = {"../README.md": "readme.md", "../CHANGELOG.md": "changelog.md"}
+    linked = re.findall(r"\]\(([^)#]+\.md)", (DOCS / "index.md").read_text(encoding="utf-8"))
+    assert nav - {"index.md"} == {outside.get(target, target) for target in linked}
+
+
+@pytest.mark.parametrize("page", [REPOSITORY / "README.md", DOCS / "index.md", DOCS / "tutorial.md"])
+def test_readers_are_told_at_once_that_nothing_is_published(page: Path) -> None:
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    assert "Until the first release, where a page says `pip install 'cadpose[x]'`, write" in text
+
+
 def test_no_placeholder_is_left() -> None:
     for page in sorted((REPOSITORY / "docs").rglob("*.md")):
         assert not re.search(r"\bFIG[A-Z]+\b", page.read_text(encoding="utf-8")), page
