@@ -8,7 +8,7 @@
 # make web  builds the review page from web/ into src/cadpose/review/static, where it is committed; needs node 20.19
 # make docs  the documentation as a site, runs/site/index.html; a broken link or anchor fails it
 # make wheel  wheel and source distribution into dist/, tried in clean virtualenvs of each Python at hand (3.11-3.13)
-# make container  carries the Containerfile out in a chroot of Debian and annotates a photo there; root, minutes
+# make container  a fresh wheel, the Containerfile carried out in a chroot of Debian, a photo annotated there; root, minutes
 # make licences  docs/licences.md, and the same as SPDX in dist/; installs every extra to read their licences
 # make fuzz  200,000 damaged files of each family into their readers: hours, for a nightly run
 # The first two work from a bare checkout with nothing but Python 3.11-3.13, make and apt.
@@ -83,12 +83,12 @@ docs: $(VENV)/.docs
 	@echo "The site: open runs/site/index.html"
 
 wheel: $(VENV)/.test
-	$(BIN)/python scripts/check_wheel.py
+	$(BIN)/python scripts/check_wheel.py --tried runs/wheel-tried
 
 container: $(VENV)/.test
 	@command -v debootstrap >/dev/null \
 		|| { $(APT) update -q && $(APT) install -qy --no-install-recommends debootstrap; }
-	@ls dist/*.whl >/dev/null 2>&1 || $(MAKE) wheel
+	$(BIN)/python scripts/check_wheel.py --no-trials
 	CADPOSE_CONTAINER=1 $(BIN)/python -m pytest tests/release/test_container.py
 
 licences: $(VENV)/.test

@@ -1,6 +1,7 @@
 """Build wheel and source distribution, and try both in clean virtualenvs: `make wheel`.
 
-    python scripts/check_wheel.py [--out dist] [--python 3.12 ...] [--every] [--no-resolve]
+    python scripts/check_wheel.py [--out dist] [--python 3.12 ...] [--every] [--no-resolve] [--no-trials]
+        [--tried FILE]
 
 1. Both are built twice, the second time from what the first source distribution holds, in another folder:
    the bytes have to be the same.
@@ -10,7 +11,8 @@
    through try_install.py; the source distribution is installed by uv, and has to give the wheel's files.
 5. uv has to install and run the wheel as a tool.
 
-A Python that is not there is told, and with --every is an error. It needs the extra `release` and a network.
+A Python that is not there is told, and with --every is an error; --tried writes down those that passed.
+--no-trials ends after the second step. It needs the extra `release` and a network.
 """
 
 from __future__ import annotations
@@ -196,7 +198,11 @@ def main() -> None:
     parser.add_argument("--python", action="append", choices=VERSIONS, help="only this version")
     parser.add_argument("--every", action="store_true", help="a Python that is not there is an error")
     parser.add_argument("--no-resolve", action="store_true", help="leave the extras alone")
+    parser.add_argument("--no-trials", action="store_true", help="build and look, but install nothing")
+    parser.add_argument("--tried", type=Path, help="file for the Pythons whose trial passed, on one line")
     options = parser.parse_args()
+    if options.tried is not None:
+        options.tried.unlink(missing_ok=True)
     with tempfile.TemporaryDirectory(prefix="cadpose-wheel-") as folder:
         scratch = Path(folder)
         wheel, archive = build_twice(options.out, scratch)
@@ -205,6 +211,8 @@ def main() -> None:
         say(run(sys.executable, SCRIPTS / "wheel_contents.py", wheel, archive).stdout.strip())
         run(sys.executable, "-m", "twine", "check", "--strict", wheel, archive)
         say("twine: metadata and description in order")
+        if options.no_trials:
+            return
         wanted = options.python or VERSIONS
         if not options.no_resolve:
             resolve_extras(wanted)
@@ -223,6 +231,10 @@ def main() -> None:
         say(f"Python {each}: NOT TRIED, there is none here")
     if len(absent) == len(wanted) or (absent and options.every):
         sys.exit("not every Python was tried")
+    if options.tried is not None:
+        options.tried.parent.mkdir(parents=True, exist_ok=True)
+        passed = [each for each in wanted if each not in absent]
+        options.tried.write_text(" ".join(passed) + "\n", encoding="ascii")
 
 
 if __name__ == "__main__":
