@@ -26,10 +26,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 #: Debian release of the base image, by its major version.
 RELEASES = {"12": "bookworm", "13": "trixie"}
-#: Of the machine's own variables, what package clients need to reach their registries.
+#: Of the host's variables, what pip needs: an index, a proxy.
 PASSED = re.compile(r"(PIP_(INDEX_URL|DEFAULT_TIMEOUT)|https?_proxy|no_proxy)$", re.IGNORECASE)
-#: Where this machine's certificates are lent, beside Debian's own, which a package may write anew.
-CERTIFICATES = "/run/lent-certificates.crt"
+#: Where the host's certificates are copied, beside Debian's own, which a package may write anew.
+CERTIFICATES = "/run/host-certificates.crt"
 FORMS = {"FROM", "RUN", "ENV", "USER", "WORKDIR", "VOLUME", "EXPOSE", "ENTRYPOINT", "CMD"}
 
 
@@ -131,8 +131,8 @@ def base(image: str, folder: Path) -> None:
         sys.exit(f"debootstrap ended with {done.returncode}\n{done.stdout[-2000:]}")
 
 
-def lend_network(root: Path) -> None:
-    """Name servers of this machine, as an engine lends them, and its certificates where pip was told some."""
+def copy_network(root: Path) -> None:
+    """Name servers of the host, as an engine copies them, and its certificates where pip was told some."""
     told = os.environ.get("PIP_CERT", "")
     for source, target in (("/etc/resolv.conf", "etc/resolv.conf"), (told, CERTIFICATES.lstrip("/"))):
         if source and Path(source).is_file():
@@ -166,8 +166,8 @@ def try_out(image: Image, photo: Path) -> None:
     photos = image.root / image.folder.lstrip("/") / "photos"
     photos.mkdir()
     shutil.copyfile(photo, photos / photo.name)
-    for lent in ("etc/resolv.conf", CERTIFICATES.lstrip("/")):
-        (image.root / lent).unlink(missing_ok=True)
+    for copied in ("etc/resolv.conf", CERTIFICATES.lstrip("/")):
+        (image.root / copied).unlink(missing_ok=True)
     who = insist(image, ["id", "-u"], network=False).strip()
     if who != "1000":
         sys.exit(f"the container runs as {who}")
@@ -177,11 +177,15 @@ def try_out(image: Image, photo: Path) -> None:
             sys.exit(f"the container's user can write {place}")
     print(insist(image, [*image.entry, "--version"], network=False).strip())
     insist(image, [*image.entry, "doctor"], network=False)
-    print(insist(image, [*image.entry, "annotate", "photos", "--out", "out"], network=False))
+    store = ("--store", "sqlite:///out/annotations.db")
+    print(insist(image, [*image.entry, "annotate", "photos", "--out", "out", *store], network=False))
     document = image.root / "data/out" / f"{photo.stem}.json"
     found = json.loads(document.read_text(encoding="utf-8"))["annotations"]
     if not found or document.stat().st_uid != 1000:
         sys.exit(f"{len(found)} objects, written by user {document.stat().st_uid}")
+    # What the review page would open.
+    stored = json.loads(insist(image, [*image.entry, "db", "stats", "--json", *store], network=False))
+    print(f"in the store: {stored}")
     print(f"{photo.name}: {len(found)} objects, first {found[0]['cad']['name']}")
 
 
@@ -206,7 +210,7 @@ def main() -> None:
             subprocess.run(["cp", "-a", str(options.base), str(root)], check=True)
         else:
             base(image_name, root)
-        lend_network(root)
+        copy_network(root)
         image = Image(root)
         build(text, image)
         size = subprocess.run(
