@@ -8,7 +8,8 @@ from PIL import Image
 from cadpose.annotations.detections_page import found_entry, found_html
 from cadpose.geometry.boxes import Box
 from cadpose.records import Detection
-from tests.annotations.test_pages import HOSTILE, Page, assert_inert
+from tests.annotations.test_pages import HOSTILE, assert_inert
+from tests.html_page import Page
 
 BOX = Box(1, 1, 9, 9)
 PICTURE = Image.fromarray(np.zeros((600, 960, 3), np.uint8))
