@@ -27,6 +27,9 @@ def test_outputs_are_compared() -> None:
     assert differences(row, row.replace("293", "113")) == [row]
     assert differences(row, row.replace("0.98", "0.68")) == [row]
     assert differences(row, row.replace("espresso", "mug")) == [row]
+    assert differences("4 models, 0 failed", "3 models, 1 failed") == ["4 models, 0 failed"]
+    assert differences("red [[197. 308.]]", "red [[198. 306.]]") == []
+    assert differences("red [[197. 308.]]", "red [[197. 340.]]") == ["red [[197. 308.]]"]
 
 
 def test_pictures_are_compared(tmp_path: Path) -> None:
