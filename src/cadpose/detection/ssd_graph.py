@@ -245,8 +245,8 @@ def _pool() -> Any:
     for name, number in (("DT_INVALID", 0), ("DT_FLOAT", _FLOAT), ("DT_INT32", _INT32), ("DT_UINT8", _UINT8)):
         kinds.value.add(name=name, number=number)
 
-    def message(name: str, fields: dict[str, tuple[int, Any, str, bool]]) -> Any:
-        made = file.message_type.add(name=name)
+    def message(name: str, fields: dict[str, tuple[int, Any, str, bool]], within: Any = None) -> Any:
+        made = (file.message_type if within is None else within.nested_type).add(name=name)
         for key, (number, kind, of, repeated) in fields.items():
             made.field.add(
                 name=key,
@@ -289,16 +289,12 @@ def _pool() -> Any:
             "attr": (5, field.TYPE_MESSAGE, "NodeDef.AttrEntry", True),
         },
     )
-    entry = node.nested_type.add(name="AttrEntry")
-    entry.options.map_entry = True
-    entry.field.add(name="key", number=1, type=field.TYPE_STRING, label=field.LABEL_OPTIONAL)
-    entry.field.add(
-        name="value",
-        number=2,
-        type=field.TYPE_MESSAGE,
-        type_name=f".{_PACKAGE}.Value",
-        label=field.LABEL_OPTIONAL,
+    entry = message(
+        "AttrEntry",
+        {"key": (1, field.TYPE_STRING, "", False), "value": (2, field.TYPE_MESSAGE, "Value", False)},
+        within=node,
     )
+    entry.options.map_entry = True
     message("GraphDef", {"node": (1, field.TYPE_MESSAGE, "NodeDef", True)})
     pool = descriptor_pool.DescriptorPool()
     pool.Add(file)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from cadpose.errors import CadposeError
 from cadpose.evaluation.bench_rendering import blender, raster, reason_of
 from cadpose.evaluation.bench_stages import bench_category
 from cadpose.geometry.angles import rotation_from_angles
 from cadpose.geometry.camera import Cameras
+from cadpose.library.mesh import Mesh
 from cadpose.pipeline import SIDE, Annotator
 from cadpose.rendering import Renderer
 from cadpose.threads import spread
@@ -74,10 +76,10 @@ def bench_candidates(
                 start = time.perf_counter()
                 pairs = zip(meshes, cameras, strict=True)
                 if shared:
-                    spread(lambda pair, renderer=renderer: renderer.render(*pair), pairs)  # type: ignore[misc]
+                    spread(partial(_draw, renderer), pairs)
                 else:
-                    for mesh, camera in pairs:
-                        renderer.render(mesh, camera)
+                    for pair in pairs:
+                        _draw(renderer, pair)
                 ms = 1000.0 * (time.perf_counter() - start)
                 if repeat:
                     best[name] = min(ms, best.get(name, ms))
@@ -95,3 +97,7 @@ def bench_candidates(
         )
         for name in contestants
     ]
+
+
+def _draw(renderer: Renderer, pair: tuple[Mesh, Cameras]) -> None:
+    renderer.render(*pair)

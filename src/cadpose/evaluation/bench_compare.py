@@ -44,6 +44,9 @@ def read_baseline(path: Path) -> dict[str, Any]:
     Raises:
         InputError: the file cannot be read or is no such run.
     """
+    # Looked at before it is opened: a pipe would wait for a writer.
+    if not path.is_file():
+        raise InputError(f"there is no file {path}: name the output of `cadpose bench --json`")
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
